@@ -67,7 +67,7 @@ def main() -> None:
     if arguments.offline:
         print(f"vulnerabilities: not checked, --offline was given ({len(read_pins())} releases)")
     problems += licences()
-    for name in sorted(set(bundled_libraries(site_packages())) - documented_libraries()):
+    for name in sorted(set(list_bundled_libraries(site_packages())) - list_documented_libraries()):
         problems.append(f"{name} is bundled by a wheel, and docs/licences.md does not name it")
     problems += telemetry(site_packages())
     print(*problems or ["audit: no problems"], sep="\n")
@@ -216,7 +216,7 @@ def site_packages() -> Path:
     return Path(numpy.__file__).parents[1]
 
 
-def bundled_libraries(packages: Path) -> Iterator[str]:
+def list_bundled_libraries(packages: Path) -> Iterator[str]:
     """Yields the names of the libraries that wheels bundle, without "lib", hash and version."""
     for folder in (*packages.glob("*.libs"), *packages.glob("*/.dylibs")):
         for path in folder.iterdir():
@@ -224,7 +224,7 @@ def bundled_libraries(packages: Path) -> Iterator[str]:
             yield re.sub(r"-\d+$", "", re.sub(r"(-[0-9a-f]{8,})+$", "", stem))
 
 
-def documented_libraries() -> set[str]:
+def list_documented_libraries() -> set[str]:
     """Returns the libraries named in backquotes in docs/licences.md, without "lib"."""
     text = (ROOT / "docs" / "licences.md").read_text()
     return {name.removeprefix("lib") for name in re.findall(r"`([\w+-]+)`", text)}

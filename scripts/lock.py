@@ -86,7 +86,7 @@ def parse_pin(
     return None
 
 
-def requested_packages(kind: str) -> list[str]:
+def list_requested_packages(kind: str) -> list[str]:
     """Returns the packages requested by name.
 
     ``kind`` is run, dev, or peers (the packages that only benchmarks and fuzzing use).
@@ -107,7 +107,7 @@ def requested_packages(kind: str) -> list[str]:
     return [line for line in requested if not Requirement(line).name.startswith("enliven")]
 
 
-def required_packages(requested: Iterable[str], environment: dict[str, str]) -> set[str]:
+def list_required_packages(requested: Iterable[str], environment: dict[str, str]) -> set[str]:
     """Returns the canonical names of all packages that an environment requires.
 
     They come from the metadata of the packages installed here.
@@ -129,7 +129,7 @@ def required_packages(requested: Iterable[str], environment: dict[str, str]) -> 
     return {name for name, _ in packages}
 
 
-def missing_packages(names: Iterable[str]) -> Iterator[str]:
+def list_missing_packages(names: Iterable[str]) -> Iterator[str]:
     """Yields the packages that are not installed here. Their own requirements are therefore unknown."""
     for name in sorted(names):
         try:
@@ -182,7 +182,7 @@ def lock_lines(kind: str, requirements: dict[str, list[Requirement]], offered: W
     hashes: dict[tuple[str, str], set[str]] = {}
     lacking: dict[str, list[str]] = {}
     for where in environments():
-        for name in required_packages(requested_packages(kind), where):
+        for name in list_required_packages(list_requested_packages(kind), where):
             pin = parse_pin(requirements, name, where)
             if pin is None:
                 sys.exit(f"constraints.txt has no line for {name} with Python {where['python_version']}")
@@ -222,7 +222,9 @@ def lines_for(kind: str, machine: str, python: str) -> Iterator[str]:
 def main() -> None:
     requirements = pins()
     environment = {key: str(value) for key, value in default_environment().items()}
-    if unknown := list(missing_packages(required_packages(requested_packages("dev"), environment))):
+    if unknown := list(
+        list_missing_packages(list_required_packages(list_requested_packages("dev"), environment))
+    ):
         sys.exit(
             f"these may need more, install them first: pip install -c constraints.txt {' '.join(unknown)}"
         )

@@ -175,15 +175,15 @@ def check_sdist_wheel(folder: str, built: Path) -> None:
         raise ReleaseError(f"{wheel.name} from the sdist and from the checkout differ by {different}.")
 
 
-def wanted_files(folder: str) -> set[str]:
+def list_wanted_files(folder: str) -> set[str]:
     """Returns the paths that a package's wheel should have.
 
     They are all files that git does not ignore, and for the edge the firmware.
     """
     package = PACKAGES[folder]
-    paths = {path.removeprefix(f"{folder}/") for path in _known_to_git(f"{folder}/{package}")}
+    paths = {path.removeprefix(f"{folder}/") for path in _list_files_known_to_git(f"{folder}/{package}")}
     if folder == "edge":
-        paths |= {f"{package}/{path}" for path in _known_to_git(FIRMWARE)}
+        paths |= {f"{package}/{path}" for path in _list_files_known_to_git(FIRMWARE)}
     return paths
 
 
@@ -205,7 +205,7 @@ def check_files(folder: str, built: Path) -> None:
     Raises:
         ReleaseError: if they differ. The message names missing and superfluous files.
     """
-    package, inside = PACKAGES[folder], wanted_files(folder)
+    package, inside = PACKAGES[folder], list_wanted_files(folder)
     wheel, sdist = _one(folder, built, "*.whl"), _one(folder, built, "*.tar.gz")
     extra_files = {name for name in EXTRA_SDIST_FILES if (ROOT / folder / name).exists()} | {
         ".gitignore",
@@ -425,7 +425,7 @@ def _git(*words: str) -> str:
     return _require(["git", "-C", str(ROOT), *words], "git failed", ROOT).strip()
 
 
-def _known_to_git(folder: str) -> list[str]:
+def _list_files_known_to_git(folder: str) -> list[str]:
     """Returns the paths, relative to the checkout, of a folder's files that are tracked or not ignored."""
     listed = _git("ls-files", "--cached", "--others", "--exclude-standard", folder).splitlines()
     return [path for path in listed if (ROOT / path).exists()]

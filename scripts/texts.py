@@ -87,7 +87,7 @@ def constants(node: ast.AST) -> Iterator[ast.Constant]:
             yield from constants(value)
 
 
-def displayed_texts(tree: ast.Module) -> Iterator[ast.Constant]:
+def find_displayed_texts(tree: ast.Module) -> Iterator[ast.Constant]:
     """Yields the texts of a module that are passed to a translating function."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):
@@ -128,7 +128,7 @@ def texts() -> dict[str, str]:
     for group, name, *_ in SETTING_SLIDERS:
         places.setdefault(get_description(SETTINGS[group], name), f"setting {name}")
     for path in modules():
-        for node in displayed_texts(ast.parse(path.read_text("utf-8"))):
+        for node in find_displayed_texts(ast.parse(path.read_text("utf-8"))):
             places.setdefault(node.value, f"{path.relative_to(HOUSE).as_posix()}:{node.lineno}")
     return places
 

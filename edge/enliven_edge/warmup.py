@@ -11,7 +11,7 @@ import numpy as np
 from enliven.arrays import UInt16
 from enliven.frames import DepthFrame
 from enliven.recording import Recording
-from enliven_edge.doctor import shipped_recording
+from enliven_edge.doctor import find_shipped_recording
 from enliven_edge.tracking.detect.arm_starts import densest_ball
 from enliven_edge.tracking.scene.floor import correct_mounting, world_from_floor
 from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
@@ -49,7 +49,7 @@ def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
 
 def _warm_up_frames() -> Iterator[DepthFrame]:
     """Yields the frames to be tracked, with times at 30 frames per second."""
-    frames = (f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame))
+    frames = (f for f in Recording(find_shipped_recording()).frames() if isinstance(f, DepthFrame))
     count = _ONE_PERSON_FRAMES + _TWO_PEOPLE_FRAMES + _EMPTY_FRAMES
     for i, frame in zip(range(count), frames, strict=False):
         depth = frame.depth

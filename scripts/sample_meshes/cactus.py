@@ -108,9 +108,9 @@ def _pot(points: Float) -> Float:
     away, height = np.hypot(points[:, 0], points[:, 2]), points[:, 1]
     wall = (away - (0.155 + 0.19 * height)) * 0.98
     body = np.maximum(wall, np.abs(height - 0.115) - 0.115)
-    rim = _rounded_rectangle(away - 0.185, height - 0.225, 0.030, 0.026, 0.014)
+    rim = _make_rounded_rectangle(away - 0.185, height - 0.225, 0.030, 0.026, 0.014)
     rim = np.maximum(rim, -(0.16 - away))
-    disc = _rounded_rectangle(away, height - 0.225, 0.215, 0.026, 0.014)
+    disc = _make_rounded_rectangle(away, height - 0.225, 0.215, 0.026, 0.014)
     return np.asarray(np.minimum(body, np.minimum(rim, disc)))
 
 
@@ -137,7 +137,7 @@ def _capsule(points: Float, start: Float, end: Float, radius: float) -> Float:
     return np.asarray(np.linalg.norm(points - start - share[:, None] * way, axis=1) - radius)
 
 
-def _rounded_rectangle(across: Float, up: Float, wide: float, tall: float, corner: float) -> Float:
+def _make_rounded_rectangle(across: Float, up: Float, wide: float, tall: float, corner: float) -> Float:
     """Returns the distance to a rectangle with round corners that is rotated about the vertical axis."""
     out = np.stack([np.abs(across) - wide + corner, np.abs(up) - tall + corner])
     return np.asarray(np.hypot(*np.maximum(out, 0.0)) + np.minimum(out.max(0), 0.0) - corner)

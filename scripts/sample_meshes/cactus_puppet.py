@@ -167,16 +167,16 @@ def _places(pose: _Pose, rest: Float) -> Float:
         if part in ("elbow", "hand"):
             arm, sign = arms[side]
             at = np.array(arm.elbow if part == "elbow" else arm.end) * [sign, 1.0, 1.0]
-            places[k] = _on_trunk(pose, at, _SHOULDER_HEIGHT)
+            places[k] = _place_on_trunk(pose, at, _SHOULDER_HEIGHT)
         elif part != "foot" and side != "pot":
-            places[k] = _on_trunk(pose, rest[k], rest[k, 1])
+            places[k] = _place_on_trunk(pose, rest[k], rest[k, 1])
     if pose.step:
         edge = np.array([-0.15, 0.0, 0.0])
         places = (places - edge) @ _turn(-0.42 * pose.step, 0.0).T + edge
     return places
 
 
-def _on_trunk(pose: _Pose, at: Float, height: float) -> Float:
+def _place_on_trunk(pose: _Pose, at: Float, height: float) -> Float:
     """Returns (3,) the position in metres of a point that moves with the trunk at a height.
 
     The trunk is bent and compressed by the pose.

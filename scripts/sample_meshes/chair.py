@@ -55,7 +55,7 @@ def make_chair(cell: float = 0.0135) -> Mesh:
     Args:
         cell: approximate length of an edge in metres.
     """
-    boards = _chair_boards()
+    boards = _make_chair_boards()
     pieces, starts = _pieces(boards)
     boxes = _boxes(boards)
     wood = np.array([board.colour != _FABRIC_COLOUR for board in boards])
@@ -89,7 +89,7 @@ def _taper(path: Float, first: tuple[float, float], last: tuple[float, float]) -
     return np.array(first) * (1 - t) + np.array(last) * t
 
 
-def _chair_boards() -> list[_Board]:
+def _make_chair_boards() -> list[_Board]:
     """Returns all parts of the chair. Seen from the seat, x points to the left, y up and z forward."""
     boards = [*_seat(), *_back()]
     for side in (-1.0, 1.0):

@@ -40,7 +40,7 @@ def surface_of(field: Field, low: Float, high: Float, cell: float) -> tuple[Floa
     shape = grid.shape[:3]
     values = field(grid.reshape(-1, 3)).reshape(shape)
     inside = values < 0
-    cells = np.argwhere(_crossed_cells(inside))
+    cells = np.argwhere(_find_crossed_cells(inside))
     number = np.full(tuple(s - 1 for s in shape), -1, np.int64)
     number[tuple(cells.T)] = np.arange(len(cells))
     vertices = low + cell * _cell_points(values, cells)
@@ -50,7 +50,7 @@ def surface_of(field: Field, low: Float, high: Float, cell: float) -> tuple[Floa
     return vertices, _triangles(vertices, quads)
 
 
-def _crossed_cells(inside: Bool) -> Bool:
+def _find_crossed_cells(inside: Bool) -> Bool:
     """Returns True for each cell with corners on both sides of the surface."""
     views = [
         inside[i : inside.shape[0] - 1 + i, j : inside.shape[1] - 1 + j, k : inside.shape[2] - 1 + k]

@@ -144,7 +144,7 @@ def _top(cell: float) -> list[_Shell]:
     inner = [(0.172, 0.300), (0.165, 0.262), (0.143, 0.194), (0.104, 0.138), (0.060, 0.096), (0.030, 0.090)]
     outer, inner = _round_profile(outer), [*_round_profile(inner), (0.0, 0.090)]
     shade = _revolve(np.array(outer + inner), _HEAD, _SHADE_DIRECTION, cell)
-    inside = _inner_side(shade[0], np.array(inner))
+    inside = _make_inner_side(shade[0], np.array(inner))
     painted = np.where(inside[:, None], _SHADE_INSIDE_COLOUR, _ENAMEL_COLOUR).astype(np.float64)
     bulb = [(0.0, 0.070), (0.020, 0.074), (0.024, 0.110), (0.044, 0.150), (0.052, 0.180), (0.044, 0.210)]
     bulb += [(0.024, 0.228), (0.0, 0.232)]
@@ -161,7 +161,7 @@ def _round_profile(profile: list[tuple[float, float]]) -> list[tuple[float, floa
     return [(float(r), float(h)) for r, h in points]
 
 
-def _inner_side(vertices: Float, inner: Float) -> Bool:
+def _make_inner_side(vertices: Float, inner: Float) -> Bool:
     """Returns (V,) flags: True for each point of the shade that is on its inner side."""
     along = (vertices - _HEAD) @ _SHADE_DIRECTION
     radius = np.linalg.norm(vertices - _HEAD - along[:, None] * _SHADE_DIRECTION, axis=1)

@@ -66,7 +66,7 @@ def refuse_later_version(version: int, newest: int, where: str, made_by: str = "
     raise LaterVersionError(f"it is of version {version}{program}", where=where, remedy=remedy)
 
 
-def plain_reason(error: BaseException, otherwise: str = "its contents do not fit together") -> str:
+def find_plain_reason(error: BaseException, otherwise: str = "its contents do not fit together") -> str:
     """Returns the reason of a failure in words for users.
 
     The result contains only sentences of enliven and of the operating system, and no names of Python

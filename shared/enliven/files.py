@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Literal
 from urllib.parse import unquote, unquote_to_bytes
 
-from enliven.errors import EnlivenError, InputError, ResourceError, plain_reason
+from enliven.errors import EnlivenError, InputError, ResourceError, find_plain_reason
 
 if sys.platform != "win32":
     import fcntl
@@ -722,7 +722,7 @@ class ReferencedFiles:
         except (OSError, ValueError, RuntimeError) as error:
             # Symbolic links form a loop, or the name is invalid.
             raise self._reference_error(
-                name, f"cannot be read ({plain_reason(error, INVALID_NAME_REASON)})", _SAME_FOLDER_ADVICE
+                name, f"cannot be read ({find_plain_reason(error, INVALID_NAME_REASON)})", _SAME_FOLDER_ADVICE
             ) from None
         self._left -= len(data)
         return data

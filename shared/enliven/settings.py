@@ -115,7 +115,7 @@ def load_settings(
         source = read_toml(source)
     where = where or "settings"
     removed: list[str] = []
-    values = _without_removed(kind, source, own_file, removed)
+    values = _remove_old_settings(kind, source, own_file, removed)
     if removed and not own_file:
         log.warning(
             "%s: settings that no longer exist are ignored: %s. Delete them.", where, ", ".join(removed)
@@ -143,7 +143,7 @@ def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
         tables = tomllib.loads(data.decode("utf-8"))
         level: list[Any] = [tables]
         for _ in range(MAX_NESTING):
-            level = [inner for container in level for inner in _nested_containers(container)]
+            level = [inner for container in level for inner in _list_nested_containers(container)]
         if level:
             raise ValueError(_TOO_DEEP_REASON)
     except RecursionError:
@@ -174,13 +174,13 @@ def refuse_later_toml(path: Path) -> None:
         return
 
 
-def _nested_containers(value: Any) -> list[Any]:
+def _list_nested_containers(value: Any) -> list[Any]:
     """Returns the tables and arrays directly inside a table or an array."""
     inner = value.values() if isinstance(value, dict) else value
     return [item for item in inner if isinstance(item, (dict, list))]
 
 
-def _without_removed(
+def _remove_old_settings(
     kind: type, values: Mapping[str, Any], own_file: bool, removed: list[str], prefix: str = ""
 ) -> dict[str, Any]:
     """Returns the values without keys that no longer exist or that users cannot change, also in nested
@@ -199,7 +199,7 @@ def _without_removed(
         if key in names or (is_hidden and not own_file):
             removed.append(prefix + key)
         elif key in fields and dataclasses.is_dataclass(hints[key]) and isinstance(value, Mapping):
-            kept[key] = _without_removed(hints[key], value, own_file, removed, f"{prefix}{key}.")
+            kept[key] = _remove_old_settings(hints[key], value, own_file, removed, f"{prefix}{key}.")
         else:
             kept[key] = value
     return kept

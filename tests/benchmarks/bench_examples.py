@@ -129,7 +129,7 @@ def plain_solution(mapping: ExampleMap, poses: Float) -> Float:
         bent = bend @ to_places
         solution = spsolve((sparse.block_diag(blocks, "csc") + bent.T @ bent).tocsc(), right)
         places[p] = (to_places @ solution).reshape(frames, 3)
-    return mapping.to_metres(places)
+    return mapping.convert_to_metres(places)
 
 
 def _least(job: Callable[[], object], repeats: int) -> float:

@@ -20,7 +20,7 @@ from enliven.arrays import Float
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.meshes import Mesh
 from enliven.person.joints import Joint
-from enliven.possession import ActorSettings, standing_figure
+from enliven.possession import ActorSettings, make_standing_figure
 from enliven.possession.attachment import ReachGrowth, attach
 from enliven.possession.likeness.any_mesh import body_from_extremities
 from enliven.possession.likeness.finding import find_body_in_mesh
@@ -53,7 +53,7 @@ def figures() -> Iterator[Figure]:
         before += sum(compare_limbs(body_from_extremities(graph).joints, body).values())
         certain += not like.doubts
         fitted, joints = _in_fitted(body)
-        off.append(100.0 * float(np.linalg.norm((joints - standing_figure())[_TRUNK].mean(0)[[0, 2]])))
+        off.append(100.0 * float(np.linalg.norm((joints - make_standing_figure())[_TRUNK].mean(0)[[0, 2]])))
         far.append(100.0 * _held_far(fitted, joints))
     yield Figure("mapped.limbs", limb_count, "of 40 arms and legs", PEER, limb_count / before)
     yield Figure("mapped.certain", certain, "of 10 bodies")

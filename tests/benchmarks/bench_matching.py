@@ -15,7 +15,7 @@ import numpy as np
 import plain_matching
 from figure import Figure
 
-from enliven.matching.abstraction import abstract_joint_tree
+from enliven.matching.abstraction import make_abstract_joint_tree
 from enliven.matching.ranking import Matcher, RankingSettings
 from enliven.matching.views import ScreenView
 
@@ -30,9 +30,9 @@ def figures() -> Iterator[Figure]:
     view = ScreenView(np.array([0.3, -0.2, -1.0]))
     for joints in SIZES:
         positions, links = rig(joints, np.random.default_rng(joints))
-        prepared = _milliseconds(lambda p=positions, ls=links: Matcher(abstract_joint_tree(p, ls), p), 5)
+        prepared = _milliseconds(lambda p=positions, ls=links: Matcher(make_abstract_joint_tree(p, ls), p), 5)
         matcher = Matcher(
-            abstract_joint_tree(positions, links), positions, settings=RankingSettings(most=100_000)
+            make_abstract_joint_tree(positions, links), positions, settings=RankingSettings(most=100_000)
         )
         graph = nx.Graph()
         graph.add_nodes_from((joint, {"pos": point}) for joint, point in enumerate(positions))

@@ -43,7 +43,7 @@ from enliven_synthesis.sensor.moved_object import (
     FollowingPath,
     MovedObjectPath,
     MovedObjectScan,
-    lie_on_back_pose,
+    make_lying_on_back_pose,
 )
 from enliven_synthesis.sensor.profile import load_profile
 
@@ -191,7 +191,7 @@ def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]
 
 def _laid_down(chair: Mesh) -> Iterator[Figure]:
     """Measures a scan in which the chair is laid on its back half-way: the mesh's completeness and error."""
-    poses = [np.eye(4), lie_on_back_pose(chair, (0.0, 0.15))]
+    poses = [np.eye(4), make_lying_on_back_pose(chair, (0.0, 0.15))]
     way = MovedObjectPath(poses, [LAID], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
     scan, scanner = MovedObjectScan(chair, way, load_profile("kinect1"), LAID_PATH), MovedScanner()
     again, off = None, list[float]()

@@ -41,11 +41,11 @@ FIRST_FRAME = f"""
 import itertools, time
 from enliven.frames import DepthFrame
 from enliven.recording import Recording
-from enliven_edge.doctor import shipped_recording
+from enliven_edge.doctor import find_shipped_recording
 from enliven_edge.tracking.tracker import Tracker
 from enliven_edge.warmup import warm_up_tracking
 warm_up_tracking()
-frames = (f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame))
+frames = (f for f in Recording(find_shipped_recording()).frames() if isinstance(f, DepthFrame))
 tracker = Tracker()
 for frame in itertools.islice(list(frames), {LATER} + 1):
     began = time.perf_counter()

@@ -15,7 +15,7 @@ import pytest
 
 from enliven.camera import LEVEL_WORLD_FROM_CAMERA
 from enliven.person import Joint
-from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings, find_ground, largest_part
+from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings, find_ground, find_largest_part
 from enliven_edge.importing.depth_images import OpenCvDepthReader
 from enliven_edge.importing.placed_images import PosedDepthReader
 from enliven_edge.scanning.person import PersonScanner
@@ -58,7 +58,7 @@ def test_real_turning_person_is_scanned_all_round():
     ahead = np.array([step.world_from_camera[:3, 2] for step in steps])
     turned = np.degrees(np.unwrap(np.arctan2(ahead[:, 0], ahead[:, 2])))
     assert 330 < abs(turned[-1] - turned[0]) < 360  # about 345, from the person's chest in the same recording
-    person = largest_part(scanner.surface())
+    person = find_largest_part(scanner.surface())
     assert person.area > 0.9 * scanner.surface().area
     # The mesh is a single part: a head, and shoulders of human width.
     assert 0.3 < np.ptp(person.vertices[:, 0]) < 0.8 and 0.5 < np.ptp(person.vertices[:, 1]) < 1.0

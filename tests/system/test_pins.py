@@ -46,9 +46,11 @@ def locked(kind: str, where: dict[str, str]) -> dict[str, str]:
 @pytest.mark.parametrize("where", EVERYWHERE.values(), ids=EVERYWHERE)
 def test_every_dependency_is_pinned(where) -> None:
     pins = lock.pins()
-    asked = [*lock.requested_packages("dev"), *lock.requested_packages("peers")]
+    asked = [*lock.list_requested_packages("dev"), *lock.list_requested_packages("peers")]
     assert [
-        name for name in sorted(lock.required_packages(asked, where)) if not lock.parse_pin(pins, name, where)
+        name
+        for name in sorted(lock.list_required_packages(asked, where))
+        if not lock.parse_pin(pins, name, where)
     ] == []
     for requirement in map(Requirement, asked):
         if requirement.marker is None or requirement.marker.evaluate(where):
@@ -59,7 +61,7 @@ def test_every_dependency_is_pinned(where) -> None:
 @pytest.mark.parametrize("kind", ["run", "dev"])
 @pytest.mark.parametrize("where", EVERYWHERE.values(), ids=EVERYWHERE)
 def test_lock_file_installs_exactly_the_needed_packages(kind, where) -> None:
-    pins, names = lock.pins(), lock.required_packages(lock.requested_packages(kind), where)
+    pins, names = lock.pins(), lock.list_required_packages(lock.list_requested_packages(kind), where)
     if where["python_version"] in WITHOUT_WHEEL.get(where["platform_machine"], ()):
         names.discard("pocketsphinx")
         assert set(locked(kind, where)) - {"pocketsphinx"} == names
@@ -71,10 +73,10 @@ def test_lock_file_installs_exactly_the_needed_packages(kind, where) -> None:
 def test_installed_versions_match_the_pins() -> None:
     here = {key: str(value) for key, value in default_environment().items()}
     pins = lock.pins()
-    for name in lock.required_packages(lock.requested_packages("dev"), here):
+    for name in lock.list_required_packages(lock.list_requested_packages("dev"), here):
         assert version(name) in lock.parse_pin(pins, name, here).specifier, name
-    for name in lock.required_packages(lock.requested_packages("peers"), here) - set(
-        lock.missing_packages(pins)
+    for name in lock.list_required_packages(lock.list_requested_packages("peers"), here) - set(
+        lock.list_missing_packages(pins)
     ):
         assert version(name) in lock.parse_pin(pins, name, here).specifier, name
 
@@ -107,8 +109,8 @@ def test_wheel_tag_fits_the_expected_environments(tag, places) -> None:
 
 
 def test_the_page_on_licences_names_every_library_that_a_wheel_bundles() -> None:
-    bundled = set(audit.bundled_libraries(audit.site_packages()))
-    assert len(bundled) > 10 and bundled - audit.documented_libraries() == set()
+    bundled = set(audit.list_bundled_libraries(audit.site_packages()))
+    assert len(bundled) > 10 and bundled - audit.list_documented_libraries() == set()
 
 
 @pytest.mark.parametrize(
@@ -125,7 +127,7 @@ def test_the_page_on_licences_names_every_library_that_a_wheel_bundles() -> None
 def test_a_bundled_library_is_known_by_its_name(file, name, tmp_path) -> None:
     (tmp_path / "some.libs").mkdir()
     (tmp_path / "some.libs" / file).touch()
-    assert list(audit.bundled_libraries(tmp_path)) == [name]
+    assert list(audit.list_bundled_libraries(tmp_path)) == [name]
 
 
 @pytest.mark.parametrize(
@@ -170,7 +172,7 @@ def test_pip_audit_without_an_answer_does_not_pass(monkeypatch, capsys) -> None:
 
 
 def test_audit_without_a_network_reports_its_omissions(monkeypatch, capsys) -> None:
-    for part in ("licences", "bundled_libraries", "telemetry"):
+    for part in ("licences", "list_bundled_libraries", "telemetry"):
         monkeypatch.setattr(audit, part, lambda *_: [])
     monkeypatch.setattr(audit, "vulnerabilities", lambda: ["numpy was not checked"])
     for arguments, code in (([], 1), (["--offline"], 0)):

@@ -24,7 +24,7 @@ from made_acting_stage import acting_stage
 
 from enliven.document import RiggedCharacter
 from enliven.exporters import exporter_of, sample_performance
-from enliven.mapping.model_clips import played_clip
+from enliven.mapping.model_clips import find_played_clip
 from enliven.sounds import SOUND_RATE, Sound
 from enliven_viewer.studio.features.sound.sound_reader import read_sound
 from enliven_viewer.studio.window.window import StudioWindow
@@ -78,13 +78,13 @@ def choose_clip(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> Non
     editor = window.workspace.editor
     dropped = editor.find_selected(RiggedCharacter)
     assert dropped is not None
-    report["clip"] = [played_clip(editor.project, dropped)]
+    report["clip"] = [find_played_clip(editor.project, dropped)]
     for name in ("no clip", str(report["clip"][0])):
         ctx.item_click("//side/##clip")
         ctx.yield_(2)
         ctx.item_click(f"//$FOCUSED/###clip {name}")
         ctx.yield_(2)
-        report["clip"].append(played_clip(editor.project, editor.project.shape(dropped.id)))
+        report["clip"].append(find_played_clip(editor.project, editor.project.shape(dropped.id)))
 
 
 def save(ctx: imgui.test_engine.TestContext, key: int, name: str = "") -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands.terminal import plain_console, print_line
+from enliven.commands.terminal import make_plain_console, print_line
 from enliven.errors import InputError
 from enliven_edge.commands.progress import frame_progress, interruptible
 
@@ -59,7 +59,7 @@ def record(
     from enliven_edge.recording.settings import RecordingSettings, settings_with_options
     from enliven_edge.sensors import open_reopening, sensor_opener, sensor_options
 
-    console = plain_console()
+    console = make_plain_console()
     settings = settings_with_options(RecordingSettings(), part_minutes, keep_free)
     with (
         open_reopening(sensor_opener(sensor, every_frame=True, **sensor_options(setting or []))) as stream,

@@ -21,7 +21,7 @@ from enliven_edge.importing.base import (
     natural_order,
     read_floats,
 )
-from enliven_edge.importing.depth_sequences import DepthUnit, detect_unit, read_millimetres, timed_images
+from enliven_edge.importing.depth_sequences import DepthUnit, detect_unit, list_timed_images, read_millimetres
 from enliven_edge.importing.images import is_depth_png, png_size, read_colour
 
 _REPOSITORY = "device_repository.json"
@@ -69,7 +69,7 @@ class RealSenseReader(Reader):
         if not images:
             raise InputError("no file is named N_DEVICE_depth_N.png", where=str(paths[0]))
         units: dict[str, DepthUnit] = {}
-        for path, time_ns in timed_images(images, options):
+        for path, time_ns in list_timed_images(images, options):
             device = path.stem.split("_")[1]
             entry = _find_device(path.parent / _REPOSITORY, device)
             camera = _find_camera(
@@ -163,7 +163,7 @@ class PosedDepthReader(Reader):
             raise InputError(f"no file is named *{_SUFFIX}", where=str(paths[0]))
         lens = _choose_lens(images[0].parent / _CAMERA, options)
         unit = detect_unit(images[0], options)
-        for path, time_ns in timed_images(images, options):
+        for path, time_ns in list_timed_images(images, options):
             camera = Intrinsics(*png_size(path), *lens)
             pose = LEVEL_WORLD_FROM_CAMERA @ _check_rigid(_read_matrix(_pose_file(path), 4), _pose_file(path))
             colour = read_colour(path.with_name(path.name.removesuffix(_SUFFIX) + ".color.png"))

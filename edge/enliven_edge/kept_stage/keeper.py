@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from enliven.document import Character
-from enliven.errors import EnlivenError, plain_reason
+from enliven.errors import EnlivenError, find_plain_reason
 from enliven.files import DAMAGE
 from enliven.possession import Actor
 from enliven.supervision.closeable import Closeable
@@ -190,7 +190,7 @@ class StageKeeper(Closeable):
         except EnlivenError as error:
             reason = str(error)
         except (*DAMAGE, RuntimeError) as error:
-            reason = f"it is damaged: {plain_reason(error)}"
+            reason = f"it is damaged: {find_plain_reason(error)}"
         log.warning("the kept character %s is not restored (%s)", kept.id, reason)
         self._folder.set_character_aside(kept.digest, reason)
         return None
@@ -241,13 +241,13 @@ class StageKeeper(Closeable):
         )
         if fingerprint != self._fingerprint:
             self._fingerprint = fingerprint
-            self._writer.set_state(self._capture_state(edge), self._scanned_characters(edge))
+            self._writer.set_state(self._capture_state(edge), self._find_scanned_characters(edge))
 
     def _capture_state(self, edge: KeptEdge) -> StageState:
         """Returns the current state. The writer adds scanned characters."""
         orders = edge.uploads.orders
         kept = tuple(
-            _kept_character(name, actor, orders.get(name)) for name, actor in edge.stage.actors.items()
+            _make_kept_character(name, actor, orders.get(name)) for name, actor in edge.stage.actors.items()
         )
         amounts = edge.tracker.output.amounts
         locked = len(edge.tracker.locked_ids) if edge.tracker.locked_ids is not None else self._lock_at
@@ -262,7 +262,7 @@ class StageKeeper(Closeable):
             world=edge.physics.world,
         )
 
-    def _scanned_characters(self, edge: KeptEdge) -> dict[str, Character]:
+    def _find_scanned_characters(self, edge: KeptEdge) -> dict[str, Character]:
         """Returns the characters that were made by scans, by id."""
         other_names = edge.uploads.orders.keys() | self._initial.keys()
         return {name: actor.character for name, actor in edge.stage.actors.items() if name not in other_names}
@@ -379,7 +379,7 @@ def _scan_data(character: Character) -> bytes:
     return character_bytes(project_of_mesh(mesh, character.id), character.id)
 
 
-def _kept_character(name: str, actor: Actor, order: PutCharacter | None) -> KeptCharacter:
+def _make_kept_character(name: str, actor: Actor, order: PutCharacter | None) -> KeptCharacter:
     """Returns the entry of a character on the stage. ``order`` is None for one that no viewer has sent."""
     growth, exaggeration, aside = actor.growth, actor.exaggeration, float(actor.aside)
     if order is None:

@@ -29,7 +29,7 @@ from enliven.scanning import (
     decimate,
     find_focus,
     find_ground,
-    largest_part,
+    find_largest_part,
     upright_frame,
 )
 from enliven.scanning.objects.moved_scanner import MovedScanner
@@ -119,7 +119,7 @@ def _cut_out(scanner: Scanner | MovedScanner, keep: KeptPart) -> tuple[Mesh, str
         advice = "Scan for longer, and nearer."
         raise InputError("no surface was seen often enough", where="scan", remedy=advice)
     if keep.what == "alone":
-        return largest_part(mesh), ""
+        return find_largest_part(mesh), ""
     ground: GroundPlane | None = None
     with contextlib.suppress(InputError):  # Without a floor, keep the orientation of the first camera.
         ground = find_ground(mesh)

@@ -94,7 +94,7 @@ def encode_half_blocks(picture: UInt8, exact: bool = True) -> str:
     """
     if picture.shape[0] % 2:
         picture = np.vstack([picture, picture[-1:]])
-    colour = _exact_colour if exact else _nearest_palette_colour
+    colour = _convert_to_exact_colour if exact else _find_nearest_palette_colour
     lines = []
     for upper, lower in zip(picture[::2].tolist(), picture[1::2].tolist(), strict=True):
         cells = [f"\x1b[38;{colour(*u)};48;{colour(*v)}m" for u, v in zip(upper, lower, strict=True)]
@@ -103,11 +103,11 @@ def encode_half_blocks(picture: UInt8, exact: bool = True) -> str:
     return "".join(lines)
 
 
-def _exact_colour(red: int, green: int, blue: int) -> str:
+def _convert_to_exact_colour(red: int, green: int, blue: int) -> str:
     return f"2;{red};{green};{blue}"
 
 
-def _nearest_palette_colour(red: int, green: int, blue: int) -> str:
+def _find_nearest_palette_colour(red: int, green: int, blue: int) -> str:
     """Returns the palette number of the nearest of 24 greys (232 and up) or of a cube of 6 x 6 x 6 colours
     (16 and up).
     """

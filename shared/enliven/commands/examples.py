@@ -69,7 +69,7 @@ def new(
     from enliven.example_sessions.tables import MeshTable, TakeTable
     from enliven.example_sessions.text import write_session
     from enliven.meshes import load_mesh
-    from enliven.modeling.puppet.suggest import suggested_puppet
+    from enliven.modeling.puppet.suggest import suggest_puppet
     from enliven.takes.files import read_take
 
     mesh_from = MeshTable(_path_from_session(output, mesh), height, _parse_axis(up), turned)
@@ -78,7 +78,7 @@ def new(
     clip, more = read_take(take, animation, start, end)
     _print_result(*notes, *more)
     project = Project().with_takes(clip)
-    puppet_project = suggested_puppet(
+    puppet_project = suggest_puppet(
         project, fit_mesh(loaded_mesh, mesh_from), clip.id, mesh.stem, points, poses
     )
     write_session(output, puppet_project, mesh.stem, mesh_from, {clip.id: take_from})

@@ -219,13 +219,13 @@ class Project:
 
     def length_of(self, layer: LayerBase) -> float:
         """Returns the duration of the take that a layer plays, in seconds."""
-        return self._recorded_clip(layer).duration
+        return self._find_recorded_clip(layer).duration
 
     def take_of(self, layer: LayerBase) -> Clip | PoseStream:
         """Returns the take that a layer plays, with the layer's smoothing applied."""
-        return smooth_take(self._recorded_clip(layer), layer.smooth)
+        return smooth_take(self._find_recorded_clip(layer), layer.smooth)
 
-    def _recorded_clip(self, layer: LayerBase) -> Clip | PoseStream:
+    def _find_recorded_clip(self, layer: LayerBase) -> Clip | PoseStream:
         collection: Mapping[str, Clip | PoseStream] = (
             self.streams if layer.source == "streams" else self.takes
         )

@@ -167,7 +167,7 @@ def _depth_first_order(
             fresh.remove(parents[joint])
         for other in reversed(fresh):
             if other in parents:
-                cycle = _closed_cycle(parents, joint, other)
+                cycle = _find_cycle(parents, joint, other)
                 cycle_names = ", ".join(names[i] for i in cycle)
                 advice = "A skeleton is a tree: remove one of the links."
                 raise InputError(f"these joints form a cycle: {cycle_names}", where="skeleton", remedy=advice)
@@ -176,7 +176,7 @@ def _depth_first_order(
     return order, parents
 
 
-def _closed_cycle(parents: dict[int, int], joint: int, other: int) -> list[int]:
+def _find_cycle(parents: dict[int, int], joint: int, other: int) -> list[int]:
     """Returns the joints of the cycle that a link from ``joint`` to ``other`` closes."""
     chains = []
     for end in (joint, other):

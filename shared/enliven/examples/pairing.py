@@ -166,7 +166,7 @@ def guess_joints(
     candidates = candidates or _joint_costs(anatomy, skeleton)
     rows_wanted = list(range(len(rest))) if requested_points is None else list(requested_points)
     immobile = {skeleton.index(name) for name in {*still_joints} - {root}}
-    candidates = _usable_candidates(candidates, immobile, rows_wanted, partners, skeleton) or candidates
+    candidates = _find_usable_candidates(candidates, immobile, rows_wanted, partners, skeleton) or candidates
     bounds_points, ours = level, _normalize_points(rest, rest[rows_wanted])
     base = np.zeros(len(ours), np.bool_)
     long = float(np.ptp(rest[:, [0, 2]], axis=0).max())
@@ -231,7 +231,9 @@ def keep_one_point_per_hand(skeleton: Skeleton, joints: Sequence[str], partners:
         partners: (P,) the mirror image of each point, which is kept or dropped together with it.
     """
     anatomy = find_anatomy(skeleton)
-    parts = {joint: limb.chain[-1] for limb in _all_limbs(anatomy) for joint in _hand_joints(skeleton, limb)}
+    parts = {
+        joint: limb.chain[-1] for limb in _list_all_limbs(anatomy) for joint in _hand_joints(skeleton, limb)
+    }
     joint_of_part, dropped = dict[int, str](), set[int]()
     for number, joint in enumerate(joints):
         part = parts.get(skeleton.index(joint))
@@ -260,7 +262,7 @@ def _assign_units(cost: Float, rows: Sequence[_Unit], columns: Sequence[_Unit]) 
     return chosen
 
 
-def _usable_candidates(
+def _find_usable_candidates(
     candidates: list[_Candidate],
     still: Collection[int],
     requested_points: Sequence[int],
@@ -333,7 +335,7 @@ def _joint_units(joints: Sequence[int], anatomy: Anatomy, skeleton: Skeleton) ->
 
 def _side_joints(anatomy: Anatomy, skeleton: Skeleton) -> set[int]:
     """Returns the joints of paired limbs, with all joints below them."""
-    return {joint for limb in _all_limbs(anatomy) for joint in skeleton.below(_limb_joints(limb)[0])}
+    return {joint for limb in _list_all_limbs(anatomy) for joint in skeleton.below(_limb_joints(limb)[0])}
 
 
 def _mirror_images(anatomy: Anatomy, count: int) -> Int:
@@ -347,7 +349,7 @@ def _mirror_images(anatomy: Anatomy, count: int) -> Int:
     return images
 
 
-def _all_limbs(anatomy: Anatomy) -> Iterable[SkeletonLimb]:
+def _list_all_limbs(anatomy: Anatomy) -> Iterable[SkeletonLimb]:
     return (limb for pair in anatomy.pairs for limb in pair)
 
 

@@ -53,7 +53,7 @@ def solve_layer_motion(project: Project, puppet: ExampleCharacter, layer: int) -
     Raises:
         InputError: if the puppet or the layer lacks data, or constraints contradict one another.
     """
-    return _cached_motion(collect_motion_inputs(project, puppet, _find_layer(puppet, layer)))
+    return _get_cached_motion(collect_motion_inputs(project, puppet, _find_layer(puppet, layer)))
 
 
 def evaluate_state(project: Project, puppet: ExampleCharacter, time: float) -> PuppetState:
@@ -101,7 +101,7 @@ def loop_position(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tupl
     return motion.frame_of(second), rounds
 
 
-def to_world_frame(puppet: ExampleCharacter, state: PuppetState, points: AnyArray) -> Float:
+def convert_to_world_frame(puppet: ExampleCharacter, state: PuppetState, points: AnyArray) -> Float:
     """Converts points (..., 3) in the mesh's frame to (..., 3) metres in the world."""
     local = rotate_about_y(np.asarray(points, np.float64), np.asarray(state.yaw)) + state.root
     return np.asarray(rotate(puppet.turn, local) + puppet.place)
@@ -115,7 +115,7 @@ def pose_of_state(puppet: ExampleCharacter, state: PuppetState, time_ns: int = 0
     turn = multiply(puppet.turn, from_rotation_vector(np.array([0.0, state.yaw, 0.0])))
     linear = np.tile(to_matrix(turn).astype(np.float32), (len(puppet.points) + 1, 1, 1))
     places = np.concatenate([np.zeros((1, 3)), state.places])
-    return Pose(puppet.id, time_ns, linear, to_world_frame(puppet, state, places).astype(np.float32))
+    return Pose(puppet.id, time_ns, linear, convert_to_world_frame(puppet, state, places).astype(np.float32))
 
 
 def _find_layer(puppet: ExampleCharacter, number: int) -> PuppetLayer:
@@ -127,5 +127,5 @@ def _find_layer(puppet: ExampleCharacter, number: int) -> PuppetLayer:
 
 
 @lru_cache(maxsize=_CACHED_MOTIONS)
-def _cached_motion(material: MotionInputs) -> PuppetMotion:
+def _get_cached_motion(material: MotionInputs) -> PuppetMotion:
     return solve_motion(material)

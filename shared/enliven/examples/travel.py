@@ -40,7 +40,12 @@ from enliven.examples.puppet_examples import (
     find_reference_skeleton,
 )
 from enliven.examples.spacetime.following import complex_from_floor
-from enliven.examples.spacetime.locomotion import PlacedMotion, find_switches, place_motion, standing_feet
+from enliven.examples.spacetime.locomotion import (
+    PlacedMotion,
+    find_feet_on_floor,
+    find_switches,
+    place_motion,
+)
 from enliven.skeletons.facing import find_facing, rotate_about_y
 
 _CACHED_TRAVELS = 64
@@ -117,10 +122,10 @@ def layer_travel(material: MotionInputs) -> PuppetTravel:
         InputError: if the puppet lacks data.
     """
     layer = PuppetLayer("", mirrored=material.layer.mirrored)
-    return _cached_travel(replace(material, layer=layer, take=(*material.shown, material.take)[0]))
+    return _get_cached_travel(replace(material, layer=layer, take=(*material.shown, material.take)[0]))
 
 
-def alternating_feet(targets: Float, feet: Sequence[int]) -> tuple[int, ...]:
+def find_alternating_feet(targets: Float, feet: Sequence[int]) -> tuple[int, ...]:
     """Returns the numbers of the feet that alternate on the ground in the key poses (n, P, 3), metres.
 
     Two feet alternate if each is on the ground in at least one pose, and their relative position changes
@@ -168,7 +173,7 @@ class PerformerFeet:
 
     def find_standing_feet(self) -> Bool:
         """Returns (F, K) True for feet that stand."""
-        return standing_feet(self.seen, self.step, self.legs, self.how)
+        return find_feet_on_floor(self.seen, self.step, self.legs, self.how)
 
     def place_in_world(
         self, places: Float, yaw: Float, stands: Bool, switches: Sequence[Switch] | None = None
@@ -204,20 +209,20 @@ def performer_feet(
 
 
 @lru_cache(maxsize=_CACHED_TRAVELS)
-def _cached_travel(material: MotionInputs) -> PuppetTravel:
+def _get_cached_travel(material: MotionInputs) -> PuppetTravel:
     mesh, points, shown = material.mesh(), material.points, [load_clip() for load_clip in material.shown]
     examples = build_examples(material.puppet, mesh, points, material.poses, shown, material.symmetry)
     reference = find_reference_skeleton([clip.skeleton for clip in shown], examples.joints)
     size = _mean_size(mesh.vertices) / max(_mean_size(reference.positions), 1e-9)
-    feet = alternating_feet(examples.targets, [k for k, point in enumerate(points) if point.foot])
+    feet = find_alternating_feet(examples.targets, [k for k, point in enumerate(points) if point.foot])
     if not feet:
         return PuppetTravel((), complex(size))
     return PuppetTravel(
-        feet, _fitted_stride(material, examples, reference, list(dict.fromkeys(shown)), feet, size)
+        feet, _fit_stride(material, examples, reference, list(dict.fromkeys(shown)), feet, size)
     )
 
 
-def _fitted_stride(
+def _fit_stride(
     material: MotionInputs,
     examples: Examples,
     reference: Skeleton,

@@ -41,7 +41,7 @@ def find_file_keys(
         performance: its sampled motion.
         start: time in the project at which the performance begins, in seconds.
     """
-    clip, layer = _only_clip(project, shape)
+    clip, layer = _find_only_clip(project, shape)
     skeleton = performance.skeleton
     if clip is None or layer is None or skeleton is None or not _is_rigid(performance.linear):
         return ()
@@ -57,7 +57,7 @@ def find_file_keys(
     return tuple(
         curve
         for curve in curves
-        if not _is_posed(curve, shape) and _agrees_with_motion(curve, skeleton, performance)
+        if not _is_posed(curve, shape) and _matches_motion(curve, skeleton, performance)
     )
 
 
@@ -67,7 +67,7 @@ def _is_rigid(linear: Float) -> bool:
     return bool(np.abs(gram - np.eye(3)).max() <= _MAX_RIGID_STRETCH and (np.linalg.det(linear) > 0).all())
 
 
-def _only_clip(project: Project, shape: RiggedCharacter) -> tuple[Clip | None, Layer | None]:
+def _find_only_clip(project: Project, shape: RiggedCharacter) -> tuple[Clip | None, Layer | None]:
     """Returns the clip that all bones of a shape play in the same way, and one of its layers, or (None, None)
     if they do not share a clip.
     """
@@ -118,7 +118,7 @@ def _is_posed(keys: CubicKeys, shape: RiggedCharacter) -> bool:
     return bool(np.abs(offset).max() > _MAX_POSED_CHANGE)
 
 
-def _agrees_with_motion(keys: CubicKeys, skeleton: Skeleton, performance: Performance) -> bool:
+def _matches_motion(keys: CubicKeys, skeleton: Skeleton, performance: Performance) -> bool:
     """Returns True if a curve agrees with the sampled motion at all times."""
     at = keys.at(performance.times)
     if not keys.turns:

@@ -20,7 +20,7 @@ from enliven.arrays import Float, Float32, Int
 from enliven.errors import InputError
 from enliven.exporters.performance import Performance
 from enliven.exporters.placement import PLACEMENTS, units_per_metre
-from enliven.exporters.plain_materials import PlainMaterial, image_suffix, plain_materials
+from enliven.exporters.plain_materials import PlainMaterial, image_suffix, make_plain_materials
 from enliven.exporters.registry import Exporter
 from enliven.files import replace_folder
 from enliven.meshes import Mesh
@@ -187,7 +187,7 @@ class _MaterialFile:
         images = [
             self._image_name(texture.image.tobytes(), texture.kind) for texture in mesh.materials.textures
         ]
-        return [self._add_material(material, images) for material in plain_materials(mesh.materials)]
+        return [self._add_material(material, images) for material in make_plain_materials(mesh.materials)]
 
     def add_plain_material(self) -> str:
         """Returns the name of a white material, for faces without a material."""

@@ -38,7 +38,7 @@ def read_machine(folder: Path, thermal: Path = _THERMAL_FOLDER, proc: Path = _PR
         proc: folder with the files of the kernel.
     """
     memory = _read_memory(proc / "meminfo")
-    folder = _existing_parent(folder)
+    folder = _find_existing_parent(folder)
     disk_bytes = disk_free_bytes = load = None
     with contextlib.suppress(OSError):
         usage = shutil.disk_usage(folder)
@@ -128,7 +128,7 @@ def terminate_program(name: str, pid: int) -> None:
             os.close(descriptor)
 
 
-def _existing_parent(folder: Path) -> Path:
+def _find_existing_parent(folder: Path) -> Path:
     """Returns a folder, or its nearest parent that exists."""
     folder = folder.absolute()
     for candidate in (folder, *folder.parents):

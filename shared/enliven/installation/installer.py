@@ -90,7 +90,7 @@ class Installer:
                 self._say(f"# copy {file.source} -> {file.place}")
         if plan.recordings is not None:
             self._say(f"# make {plan.recordings}, which belongs to {KIOSK_USER}")
-        for words in self._all_commands(plan):
+        for words in self._list_all_commands(plan):
             self._say(command_line(words))
 
     def install(self, plan: InstallPlan) -> None:
@@ -113,7 +113,7 @@ class Installer:
         files = [
             kept_entries.get(str(file.place)) or self._record_original_file(file.place) for file in plan.files
         ]
-        missing_folders = self._missing_folders(plan)
+        missing_folders = self._list_missing_folders(plan)
         folders = [*before.folders, *(folder for folder in missing_folders if folder not in before.folders)]
         recordings = "" if plan.recordings is None else str(plan.recordings)
         # Write the record first, so that an interrupted installation can be removed.
@@ -124,7 +124,7 @@ class Installer:
         for words in plan.setup_commands:
             self._run_command(self._command_in_root(words))
         self._give_to_user(plan)
-        for words in self._all_commands(plan)[len(plan.setup_commands) :]:
+        for words in self._list_all_commands(plan)[len(plan.setup_commands) :]:
             try:
                 self._run_command(words)
             except ResourceError as error:
@@ -170,7 +170,7 @@ class Installer:
         """Returns the location of an absolute path in the system that is changed."""
         return self._root / place.relative_to("/")
 
-    def _all_commands(self, plan: InstallPlan) -> list[tuple[str, ...]]:
+    def _list_all_commands(self, plan: InstallPlan) -> list[tuple[str, ...]]:
         """Returns all commands of an installation in order."""
         commands = [self._command_in_root(words) for words in plan.setup_commands]
         if not self._is_running:
@@ -226,7 +226,7 @@ class Installer:
             return _ReplacedFile(str(place), base64.b64encode(path.read_bytes()).decode(), mode)
         return _ReplacedFile(str(place))
 
-    def _missing_folders(self, plan: InstallPlan) -> list[str]:
+    def _list_missing_folders(self, plan: InstallPlan) -> list[str]:
         """Returns the folders that the installation will create."""
         places = [*(file.place for file in plan.files), _RECORD_FILE]
         folders = {

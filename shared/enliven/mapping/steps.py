@@ -27,9 +27,9 @@ from enliven.mapping.gait import (
     STRIDE_S,
     LegStep,
     PerformerGait,
+    choose_standing_on_feet,
     find_stepping_legs,
     leg_length,
-    standing_on_feet,
     step_scale,
 )
 from enliven.mapping.ground import floor_height_under, follow_path, sample_times
@@ -38,13 +38,13 @@ from enliven.mapping.planting import (
     PosedLeg,
     Sole,
     Spans,
+    compute_remaining_offsets,
     contact_clearance,
+    find_standing_spans,
     hip_shift,
     hold_heading,
     plant_body,
-    remaining_offsets,
     remove_spin,
-    standing_spans,
 )
 from enliven.mapping.resting import heading_from_rotation
 from enliven.motion.contact.pin import find_bend, pin_limb
@@ -193,7 +193,7 @@ def _plant_feet(
     joints += (corrected_root - root)[:, None]
     targets = [joints[:, step.leg[-1]] + offset for step, offset in zip(steps, offsets, strict=True)]
     drops = [
-        _required_lowering(shape.skeleton, step, target, joints)
+        _compute_required_lowering(shape.skeleton, step, target, joints)
         for step, target in zip(steps, targets, strict=True)
     ]
     # Lower the body for feet that would not reach the floor. Swinging feet keep their positions.
@@ -283,7 +283,7 @@ def _correct_soles(
                 )
                 _turn_about_vertical(skeleton, step.leg[-1], excess, turns, joints)
         bent_legs = _update_rolling(legs, soles, turns, joints)
-        offsets = remaining_offsets(bent_legs, np.zeros_like(joints[:, 0]), performer.step, floor)
+        offsets = compute_remaining_offsets(bent_legs, np.zeros_like(joints[:, 0]), performer.step, floor)
         if all(np.abs(d).max() < _MIN_CORRECTION * leg.length for d, leg in zip(offsets, legs, strict=True)):
             break
         for step, offset in zip(steps, offsets, strict=True):
@@ -331,15 +331,15 @@ def _contact_spans(skeleton: Skeleton, step: LegStep, performer: PerformerGait, 
     ball, *tip = step.source_toes or step.source.chain[-1:]
     joints = [step.source_leg[-1], ball, *tip] if step.toes else [ball]
     foot = root[:, None] + performer.scale * performer.offsets[:, joints]
-    return standing_spans(foot, root, performer.step, leg_length(skeleton, step.leg))
+    return find_standing_spans(foot, root, performer.step, leg_length(skeleton, step.leg))
 
 
-def _performed_contacts(step: LegStep, performer: PerformerGait, root: Float) -> Spans:
+def _find_performed_contacts(step: LegStep, performer: PerformerGait, root: Float) -> Spans:
     """Returns the contacts of the performer's foot for a leg that steps, given the path ``root`` (T, 3) of
     the body in metres."""
     foot = root[:, None] + performer.scale * performer.offsets[:, [step.source_leg[-1], *step.source_toes]]
     length = performer.scale * leg_length(performer.skeleton, step.source_leg)
-    return standing_spans(foot, root, performer.step, length)
+    return find_standing_spans(foot, root, performer.step, length)
 
 
 def _smooth_toes(skeleton: Skeleton, step: LegStep, step_s: float, turns: Float, joints: Float) -> None:
@@ -440,18 +440,18 @@ def _end_targets(
     """
     skeleton, ankle, foot = shape.skeleton, step.leg[-1], performer.find_foot_joint(step.source)
     heading, scale = heading_from_rotation(turns[:, 0]), performer.scale
-    foot_mean = performer.neutral_foot_position(foot, heading)
+    foot_mean = performer.compute_neutral_foot_position(foot, heading)
     rest = skeleton.positions[ankle] - skeleton.positions[0]
     angles = _smooth_headings(heading, round(STRIDE_S / performer.step))
     if shape.travel is not None:
-        angles = hold_heading(angles, _performed_contacts(step, performer, joints[:, 0]), performer.step)
+        angles = hold_heading(angles, _find_performed_contacts(step, performer, joints[:, 0]), performer.step)
     foot_heading = from_rotation_vector(angles[:, None] * [0.0, 1.0, 0.0])
     return np.asarray(
         joints[:, 0] + scale * performer.offsets[:, foot] + rotate(foot_heading, rest - scale * foot_mean)
     )
 
 
-def _required_lowering(skeleton: Skeleton, step: LegStep, targets: Float, joints: Float) -> Float:
+def _compute_required_lowering(skeleton: Skeleton, step: LegStep, targets: Float, joints: Float) -> Float:
     """Returns how far (T,), metres, the body must be lowered for a leg to reach its targets (T, 3)."""
     chain = step.leg
     hip, full_length = joints[:, chain[0]], leg_length(skeleton, chain)
@@ -545,7 +545,7 @@ def _floor_under_feet(
         joints: (T, N, 3) metres.
         lowest: (T,) metres, the lowest point of the feet that no arm drives.
     """
-    standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, standing_on_feet(clip))
+    standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, choose_standing_on_feet(clip))
     floor = performer.compute_floor_height(shape, joints[:, 0, 1])
     floor += np.median((lowest - floor)[standing >= min(0.5, standing.max())])
     return standing * lowest + (1.0 - standing) * np.minimum(lowest, floor)

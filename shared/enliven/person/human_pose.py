@@ -70,7 +70,7 @@ class HumanPose:
     @property
     def parents(self) -> Int:
         """(B,) the nearest ancestor of each bone in ``bones``, -1 for the hips."""
-        return nearest_ancestors(self.bones)
+        return find_nearest_ancestors(self.bones)
 
     @staticmethod
     def ordered(bones: Iterable[str]) -> list[str]:
@@ -102,7 +102,7 @@ class HumanPose:
 
 
 @cache
-def nearest_ancestors(bones: tuple[str, ...]) -> Int:
+def find_nearest_ancestors(bones: tuple[str, ...]) -> Int:
     """Returns the number (B,) of the nearest existing ancestor of each bone, -1 if there is none."""
     numbers = {bone: number for number, bone in enumerate(bones)}
     parents = np.full(len(bones), -1)
@@ -220,7 +220,7 @@ _HAND_LENGTH_M = 0.085
 """Distance from the wrist to the middle of the hand of an average person, metres."""
 
 
-def standing_offset(bone: str, parent: str, height: float) -> Float:
+def compute_standing_offset(bone: str, parent: str, height: float) -> Float:
     """Returns the offset from a parent bone to a bone in the T-pose of an average person, (3,) in metres.
 
     Args:
@@ -243,7 +243,7 @@ def body_from_human_pose(human: HumanPose, id: int) -> Body:
         for upper, lower in (("UpperLeg", "LowerLeg"), ("LowerLeg", "Foot"), ("UpperArm", "LowerArm")):
             if f"{side}{upper}" in places and f"{side}{lower}" in places:
                 length = np.linalg.norm(places[f"{side}{upper}"] - places[f"{side}{lower}"])
-                usual = np.linalg.norm(standing_offset(f"{side}{lower}", f"{side}{upper}", 1.0))
+                usual = np.linalg.norm(compute_standing_offset(f"{side}{lower}", f"{side}{upper}", 1.0))
                 sizes.append(float(length / usual))
     height = float(np.median(sizes)) if sizes else _REFERENCE_HEIGHT_M
     scale = height / _REFERENCE_HEIGHT_M
@@ -251,7 +251,9 @@ def body_from_human_pose(human: HumanPose, id: int) -> Body:
     for bone in HumanPose.ordered(_PARENT_NAMES):
         if bone not in places:
             parent = next(above for above in HumanPose.ancestors(bone) if above in places)
-            places[bone] = places[parent] + rotate(turns[parent], standing_offset(bone, parent, height))
+            places[bone] = places[parent] + rotate(
+                turns[parent], compute_standing_offset(bone, parent, height)
+            )
             turns[bone] = turns[parent]
     joints, confidence = np.empty((len(Joint), 3)), np.zeros(len(Joint))
     orientations = np.empty((len(Joint), 4))

@@ -54,7 +54,7 @@ def attach_within_reach(
     return TransformedAttachment(attachment, rest_transform, parts, start_turns)
 
 
-def out_of_reach_error(
+def make_out_of_reach_error(
     character: str,
     settings: ActorSettings,
     body: Body,

@@ -16,7 +16,7 @@ from enliven.errors import EnlivenError
 from enliven.person import Body, J
 from enliven.possession.actor import Actor, Mode
 from enliven.possession.actor_settings import ActorSettings
-from enliven.possession.attachment_reach import attach_within_reach, out_of_reach_error
+from enliven.possession.attachment_reach import attach_within_reach, make_out_of_reach_error
 from enliven.possession.follow_through import FollowThrough, node_stiffness
 from enliven.possession.highlights import Cues, make_cues
 from enliven.possession.likeness.skeleton import BodyInMesh
@@ -27,12 +27,12 @@ from enliven.possession.performer_attachment import (
     depth_below_floor,
     join_constraints,
 )
-from enliven.possession.placement import AS_MODELLED, Placement, nearest_placement
+from enliven.possession.placement import AS_MODELLED, Placement, find_nearest_placement
 from enliven.possession.placement_rules import PlacementRules
 from enliven.possession.pose_approach import PoseApproach
 from enliven.possession.pose_blend import PoseBlend
 from enliven.possession.soft_constraints import SoftConstraints
-from enliven.possession.standing_placement import standing_figure
+from enliven.possession.standing_placement import make_standing_figure
 
 _STEP_NS = 33_333_333
 """Nanoseconds between the frames of the warm-up run."""
@@ -123,10 +123,10 @@ class EmbeddedActor(Actor):
             body, parts, others if earlier_hold is None else [earlier_hold, *others]
         )
         if not len(grip.attachment):
-            state = self._shown_at_rest()
+            state = self._is_shown_at_rest()
             nodes = self.graph.positions if state is None else state[1]
             comes = not (others or earlier_hold is not None or self._is_stationary)
-            raise out_of_reach_error(self.character.id, self.settings, body, grip, nodes, comes=comes)
+            raise make_out_of_reach_error(self.character.id, self.settings, body, grip, nodes, comes=comes)
         new = PerformerAttachment(body.id, [grip], self._time_ns, depth=depth_below_floor(body))
         hold = new if earlier_hold is None else earlier_hold.with_attachment(grip)
         continues = others or earlier_hold is not None or self._is_stationary
@@ -156,7 +156,9 @@ class EmbeddedActor(Actor):
         elif self.holds:
             if self._easing.shown is not None:
                 shown_positions = self._easing.shown[1]
-                self._placement = nearest_placement(self._placement, self.graph.positions, shown_positions)
+                self._placement = find_nearest_placement(
+                    self._placement, self.graph.positions, shown_positions
+                )
             self.holds, self._solver = [], None
             self._swing.restart()
             self._easing.restart_fade()
@@ -201,13 +203,13 @@ class EmbeddedActor(Actor):
             seen: by body id, the part of the performer's surface that a depth sensor sees.
         """
         if not self._placed and bodies and not self.holds:
-            place, self._placed = self._rules.waiting_placement(bodies[0], self.aside), True
+            place, self._placed = self._rules.compute_waiting_placement(bodies[0], self.aside), True
             self._placement = self._display_placement(place)
             self._easing.restart()
         self._hand_over(bodies, time_ns)
         self._update_holds(bodies, time_ns)
         self._ease_into_pose(bodies, time_ns)
-        world = self._placement.state_to_world(*self._solved_state(bodies, seen or {}, time_ns))
+        world = self._placement.state_to_world(*self._solve_state(bodies, seen or {}, time_ns))
         self._easing.turn_along(self._turned)
         linear, positions = self._easing(*world, time_ns)
         self._time_ns = time_ns
@@ -236,7 +238,7 @@ class EmbeddedActor(Actor):
         rehearsal = EmbeddedActor(self.character, self.graph, self.settings)
         # Reuse the placement rules, because they already contain the result of the slow skeleton search.
         rehearsal._rules = self._rules
-        body = Body(0, standing_figure(), np.ones(J))
+        body = Body(0, make_standing_figure(), np.ones(J))
         rehearsal.perform([body], 0)
         rehearsal.cues([body])
         try:
@@ -267,18 +269,20 @@ class EmbeddedActor(Actor):
         """
         deformed = None
         if (self.holds or self._easing.is_active) and (others or self._is_stationary):
-            deformed = self._shown_at_rest()
+            deformed = self._is_shown_at_rest()
         earlier = [hold.attachments[0].rest_transform for hold in others]
         own_transform = next(
             (hold.attachments[0].rest_transform for hold in self.holds if hold.body == body.id), None
         )
-        for rest_transform in self._rules.rest_transforms(body, self._placement, earlier, own_transform):
+        for rest_transform in self._rules.compute_rest_transforms(
+            body, self._placement, earlier, own_transform
+        ):
             grip = attach_within_reach(self.graph, self.settings, body, parts, rest_transform, deformed)
             if len(grip.attachment):
                 break
         return grip
 
-    def _shown_at_rest(self) -> tuple[Float, Float] | None:
+    def _is_shown_at_rest(self) -> tuple[Float, Float] | None:
         """Returns the displayed nodes, transformed to the rest space. Performers attach to the displayed
         mesh.
         """
@@ -346,7 +350,7 @@ class EmbeddedActor(Actor):
             self._swing.restart()
             self._easing.restart_fade()
 
-    def _solved_state(
+    def _solve_state(
         self, bodies: list[Body], seen: Mapping[int, ObservedPoints], time_ns: int
     ) -> tuple[Float, Float]:
         """Returns (N, 3, 3) linear parts and (N, 3) positions in the rest space. If no attached performer is
@@ -359,10 +363,10 @@ class EmbeddedActor(Actor):
             approach_body = next((body for body in bodies if body.id == self._approach.body), None)
             linear, positions = self._approach.at(approach_body, time_ns)
         else:
-            linear, positions = self._held_state(seen, floor, time_ns)
+            linear, positions = self._find_held_state(seen, floor, time_ns)
         return self._soft.lift_out_of_floor(linear, self._swing(positions, time_ns), floor)
 
-    def _held_state(
+    def _find_held_state(
         self, seen: Mapping[int, ObservedPoints], floor: float, time_ns: int
     ) -> tuple[Float, Float]:
         """Solves the state of the mesh that the attached performers deform."""

@@ -10,7 +10,7 @@ from enliven.person import PARENTS, Body, J, Joint
 from enliven.possession.bone_cylinders import bone_rotations, fill_joints
 from enliven.possession.likeness.skeleton import BodyInMesh
 from enliven.possession.placement import body_yaw, rotation_about_y, wrap_angle
-from enliven.possession.standing_placement import standing_figure
+from enliven.possession.standing_placement import make_standing_figure
 from enliven.rotation import unit
 
 _HIP_JOINT = Joint.HIP_CENTER
@@ -179,7 +179,7 @@ def _pose_like_mesh(likeness: BodyInMesh, current_joints: Float, yaw: float, tur
         yaw: radians about +Y, the direction that the returned figure faces.
         turn: (3, 3) rotation from the direction ``yaw`` to the mesh's front.
     """
-    figure = standing_figure() @ rotation_about_y(yaw).T
+    figure = make_standing_figure() @ rotation_about_y(yaw).T
     mesh = likeness.joints @ turn
     upright = np.empty((J, 3))
     upright[_HIP_JOINT] = current_joints[_HIP_JOINT]

@@ -104,7 +104,7 @@ class PlacementRules:
         scale = settings.height_ratio * _USUAL_HEIGHT_M / self.height
         return metres / (self.size if settings.scaled == "nobody" else scale)
 
-    def waiting_placement(self, body: Body, farther: float = 0.0) -> Placement:
+    def compute_waiting_placement(self, body: Body, farther: float = 0.0) -> Placement:
         """Returns the placement of a mesh that waits for its first performer, moved to the left by an
         additional ``farther`` metres.
         """
@@ -122,7 +122,7 @@ class PlacementRules:
             body, self._performer_scale(body) if scales_mesh else self.size, self.stand, front
         )
 
-    def rest_transforms(
+    def compute_rest_transforms(
         self,
         body: Body,
         placement: Placement,

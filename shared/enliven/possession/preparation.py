@@ -16,7 +16,7 @@ from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.likeness.finding import find_person_in_mesh
 from enliven.possession.likeness.skeleton import BodyInMesh
 from enliven.possession.placement import rotation_about_y
-from enliven.possession.standing_placement import fit_standing_person, standing_figure
+from enliven.possession.standing_placement import fit_standing_person, make_standing_figure
 from enliven.similarity import fit_similarity
 
 log = logging.getLogger(__name__)
@@ -132,7 +132,7 @@ def _align_with_figure(mesh: Mesh, person: BodyInMesh) -> Mesh:
     """
     trunk = [Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]
     rotation_matrix = rotation_about_y(person.yaw)
-    offset = standing_figure(_PERSON_HEIGHT_M)[trunk].mean(0) - (person.joints @ rotation_matrix)[trunk].mean(
-        0
-    )
+    offset = make_standing_figure(_PERSON_HEIGHT_M)[trunk].mean(0) - (person.joints @ rotation_matrix)[
+        trunk
+    ].mean(0)
     return replace(mesh, vertices=mesh.vertices @ rotation_matrix + offset * [1.0, 0.0, 1.0])

@@ -14,7 +14,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
-from enliven.errors import InputError, plain_reason
+from enliven.errors import InputError, find_plain_reason
 
 RECORD = struct.Struct("<BQ")
 """The header of a record: its kind and its length."""
@@ -77,12 +77,12 @@ def read_chunk(file: BinaryIO, ref: ChunkRef) -> list[Any]:
         if opcode != Opcode.CHUNK or length + RECORD.size != len(data):
             raise Damage("the position of a chunk contains other data")
         chunk = records.Chunk.read(ReadDataStream(BytesIO(data[RECORD.size :])))
-        content = _decompressed_chunk(chunk)
+        content = _decompress_chunk(chunk)
         if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
             raise Damage("a chunk's checksum is wrong")
         return _chunk_contents(content, min(_MAX_RECORDS, _MIN_CHUNK_RECORD_LIMIT + len(chunk.data)))
     except DAMAGE as error:
-        raise Damage(plain_reason(error)) from None
+        raise Damage(find_plain_reason(error)) from None
     except _DecompressionBombError as error:
         where = f"{getattr(file, 'name', 'recording')}, byte {ref.offset}"
         remedy = "Ask for the recording again: no recorder writes such a part."
@@ -93,7 +93,7 @@ class _DecompressionBombError(Exception):
     """A small chunk that decompresses to a very large size (decompression bomb)."""
 
 
-def _decompressed_chunk(chunk: Any) -> bytes:
+def _decompress_chunk(chunk: Any) -> bytes:
     size, packed_bytes = chunk.uncompressed_size, len(chunk.data)
     if chunk.compression == "":
         return bytes(chunk.data)

@@ -81,7 +81,7 @@ def open_container(path: Path) -> Container:
     with open_file(path) as file:
         start = file.read(len(MAGIC))
         if start != MAGIC:
-            raise _foreign_file_error(path, start)
+            raise _make_foreign_file_error(path, start)
         size = file.seek(0, 2)
         try:
             return _read_indexed(path, file, size)
@@ -214,7 +214,7 @@ def _parse_summary(data: bytes) -> list[Any]:
     return summary_records
 
 
-def _foreign_file_error(path: Path, start: bytes) -> InputError:
+def _make_foreign_file_error(path: Path, start: bytes) -> InputError:
     problem = "the file is empty" if not start else "it is not a recording (an MCAP file)"
     remedy = (
         "Record again."

@@ -143,12 +143,12 @@ def _body_fields(body: Body) -> dict[str, Any]:
     turns = body.orientations
     fields: dict[str, Any] = {
         "id": int(body.id),
-        "joints": _shaped_values(body.joints, (J, 3)).tolist(),
-        "confidence": _shaped_values(body.confidence, (J,)).tolist(),
-        "orientations": None if turns is None else _shaped_values(turns, (J, 4)).tolist(),
+        "joints": _shape_values(body.joints, (J, 3)).tolist(),
+        "confidence": _shape_values(body.confidence, (J,)).tolist(),
+        "orientations": None if turns is None else _shape_values(turns, (J, 4)).tolist(),
     }
     if body.contacts is not None:
-        fields["contacts"] = _shaped_values(body.contacts, (2,)).tolist()
+        fields["contacts"] = _shape_values(body.contacts, (2,)).tolist()
     if body.stature is not None:
         fields["stature"] = float(body.stature)
     return fields
@@ -172,15 +172,15 @@ def _decode_body(message: _BodyMessage) -> Body:
     turns = message.orientations
     return Body(
         message.id,
-        _shaped_values(message.joints, (J, 3)),
-        _shaped_values(message.confidence, (J,)),
-        None if turns is None else _shaped_values(turns, (J, 4)),
-        None if message.contacts is None else _shaped_values(message.contacts, (2,)),
+        _shape_values(message.joints, (J, 3)),
+        _shape_values(message.confidence, (J,)),
+        None if turns is None else _shape_values(turns, (J, 4)),
+        None if message.contacts is None else _shape_values(message.contacts, (2,)),
         message.stature,
     )
 
 
-def _shaped_values(values: AnyArray | list[Any], shape: tuple[int, ...]) -> Float:
+def _shape_values(values: AnyArray | list[Any], shape: tuple[int, ...]) -> Float:
     """Converts ``values`` to a float64 array of this shape. None becomes NaN."""
     array = np.asarray(values, np.float64)
     if array.shape != shape:

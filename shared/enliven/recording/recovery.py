@@ -118,7 +118,7 @@ def recover(path: Path, output: Path) -> Recovery:
             output.unlink(missing_ok=True)
             raise
     if container.complete:
-        recovery.lost = _stated_counts(container) - recovery.kept
+        recovery.lost = _read_stated_counts(container) - recovery.kept
     return recovery
 
 
@@ -232,7 +232,7 @@ def _has_only_small_records(file: BinaryIO, start: int, end: int) -> bool:
     return at == end
 
 
-def _stated_counts(container: Container) -> Counter[str]:
+def _read_stated_counts(container: Container) -> Counter[str]:
     """Returns the number of messages by topic according to the recording's own index."""
     counts: Counter[str] = Counter()
     for number, count in container.counts.items():

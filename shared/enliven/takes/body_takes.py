@@ -87,7 +87,7 @@ class RecordedHolds:
         return float((time_ns - self.begin_ns) * 1e-9)
 
 
-def recorded_holds(recording: Recording, id: str) -> RecordedHolds | None:
+def read_recorded_holds(recording: Recording, id: str) -> RecordedHolds | None:
     """Reads the performers of a recording and their attachments. Returns None if the recording does not
     contain them.
     """

@@ -124,8 +124,8 @@ def clip_of_bodies(
     rest_joints = joints[rest] if isinstance(rest, int) else rest.joints
     positions = rest_from_positions(np.array(PARENTS), rest_joints, joints)
     skeleton = Skeleton(tuple(names or BODY_NAMES), np.array(PARENTS, np.int32), positions)
-    turns = rotations_from_positions(skeleton, joints, _measured_rotations(bodies, rest_body))
-    return _evenly_sampled_clip(id, skeleton, times - times[0], turns, joints[:, 0], step)
+    turns = rotations_from_positions(skeleton, joints, _measure_rotations(bodies, rest_body))
+    return _sample_clip_evenly(id, skeleton, times - times[0], turns, joints[:, 0], step)
 
 
 def resample_clip(clip: Clip, step: float) -> Clip:
@@ -134,7 +134,7 @@ def resample_clip(clip: Clip, step: float) -> Clip:
     tracks: dict[str, Any] = {name: _interpolate_track(track, times, step) for name, track in clip.tracks}
     if clip.mirrors is not None:
         tracks["mirrors"] = np.where(_interpolate_track(clip.mirrors, times, step) < 0.0, -1.0, 1.0)
-    return replace(_evenly_sampled_clip(clip.id, clip.skeleton, times, clip.turns, clip.root, step), **tracks)
+    return replace(_sample_clip_evenly(clip.id, clip.skeleton, times, clip.turns, clip.root, step), **tracks)
 
 
 def trim_clip(clip: Clip, start: float, stop: float) -> Clip:
@@ -149,7 +149,7 @@ def trim_clip(clip: Clip, start: float, stop: float) -> Clip:
     )
 
 
-def _evenly_sampled_clip(
+def _sample_clip_evenly(
     id: str, skeleton: Skeleton, times: Float, turns: Float, root: Float, step: float
 ) -> Clip:
     """Builds a clip with frames ``step`` seconds apart by interpolating rotations and root at ``times`` (F,),
@@ -179,7 +179,7 @@ def _frame_fractions(times: Float, step: float) -> tuple[Int, Int, Float]:
     return before, after, (sample_times - times[before]) / width
 
 
-def _measured_rotations(bodies: Sequence[Body], still: Body) -> Float | None:
+def _measure_rotations(bodies: Sequence[Body], still: Body) -> Float | None:
     """Computes rotations since rest (F, 20, 4) from the bodies' measured orientations. Returns None if a body
     has none.
     """

@@ -30,7 +30,7 @@ class LiveLayer:
         self._take = take.id
         project = project.with_takes(take)
         for joint in range(len(shape.skeleton)):
-            chain = single_bone_chain(shape, joint)
+            chain = make_single_bone_chain(shape, joint)
             if joint in replaced:
                 project = clear_chain(project, shape_id, chain)
             project = bind_chain(project, shape_id, chain, take.id, chain, basis=IDENTITY)
@@ -56,7 +56,7 @@ class LiveLayer:
         return Pose(shape.id, live.time_ns, pose.linear, moved_positions), own_pose.joints + shift
 
 
-def single_bone_chain(shape: RiggedCharacter, joint: int) -> tuple[int, ...]:
+def make_single_bone_chain(shape: RiggedCharacter, joint: int) -> tuple[int, ...]:
     """Returns the chain of a single bone: its parent and the joint, or the root."""
     return (int(shape.skeleton.parents[joint]), joint) if joint else (0,)
 

@@ -35,7 +35,7 @@ from enliven.modeling.possessed.even_steps import even_times, interpolate_linear
 from enliven.motion.layers.retarget import bind_chain, set_travel
 from enliven.rotation import IDENTITY, from_matrix, remove_sign_jumps
 from enliven.takes.body_takes import holds_from_frames
-from enliven.takes.live_layer import compose_rotations, local_rotations, single_bone_chain
+from enliven.takes.live_layer import compose_rotations, local_rotations, make_single_bone_chain
 from enliven.takes.overdub import add_overdub_layer, has_motion
 from enliven.takes.performers import MergedPerformers, merge_performers
 from enliven.takes.possessed import add_character_motion
@@ -247,7 +247,7 @@ def _add_bone_layers(project: Project, shape: RiggedCharacter, motion: Performed
     angles = 2 * np.arccos(np.minimum(np.abs(local_turns[:, :, 0]).min(0), 1.0))
     moved_bones = np.flatnonzero(angles > _MIN_ROTATION_RADIANS).tolist()
     travels = bool(np.ptp(root, axis=0).max() > _MIN_MOTION)
-    chains = _moved_limbs(shape, moved_bones)
+    chains = _find_moved_limbs(shape, moved_bones)
     take = Clip(
         unused(f"{performed.name} on {shape.id}", project.takes),
         shape.skeleton,
@@ -271,19 +271,19 @@ def _add_bone_layers(project: Project, shape: RiggedCharacter, motion: Performed
     return project
 
 
-def _moved_limbs(shape: RiggedCharacter, moved: Sequence[int]) -> list[tuple[int, ...]]:
+def _find_moved_limbs(shape: RiggedCharacter, moved: Sequence[int]) -> list[tuple[int, ...]]:
     """Returns the chains of the bones that moved. A chain continues while exactly one child bone moved."""
     chains, child_bones = list[tuple[int, ...]](), shape.skeleton.children
     for joint in moved:
         ended = [
             n
             for n, chain in enumerate(chains)
-            if chain[-1] == single_bone_chain(shape, joint)[0] and chain != (0,)
+            if chain[-1] == make_single_bone_chain(shape, joint)[0] and chain != (0,)
         ]
         if joint and ended and len(set(child_bones[chains[ended[0]][-1]]) & set(moved)) == 1:
             chains[ended[0]] = (*chains[ended[0]], joint)
         else:
-            chains.append(single_bone_chain(shape, joint))
+            chains.append(make_single_bone_chain(shape, joint))
     return chains
 
 

@@ -51,9 +51,9 @@ class PunchIn:
         if layer.weights or layer.speeds:
             even = replace(
                 self,
-                begin=layer.to_unwarped_time(self.begin),
-                end=layer.to_unwarped_time(self.end),
-                until=layer.to_unwarped_time(self.until),
+                begin=layer.convert_to_unwarped_time(self.begin),
+                end=layer.convert_to_unwarped_time(self.end),
+                until=layer.convert_to_unwarped_time(self.until),
             )
             kept_lane: list[_Layer | None] = []
 
@@ -169,7 +169,7 @@ def punch_bones(project: Project, shape_id: str, chain: Sequence[int], punch: Pu
         spans[bone] = tuple(
             replace(
                 span,
-                refs=tuple(_renamed_reference(ref, instead) for ref in span.refs if ref.layer in instead),
+                refs=tuple(_rename_reference(ref, instead) for ref in span.refs if ref.layer in instead),
             )
             for span in spans[bone]
         )
@@ -177,5 +177,5 @@ def punch_bones(project: Project, shape_id: str, chain: Sequence[int], punch: Pu
     return project.with_characters(shape)
 
 
-def _renamed_reference(ref: Ref, names: dict[str, str]) -> Ref:
+def _rename_reference(ref: Ref, names: dict[str, str]) -> Ref:
     return replace(ref, layer=names[ref.layer])

@@ -79,7 +79,7 @@ def _pelvis_path(
     scale = (performer.thigh + performer.shank) / float(np.median(leg))
     hip_height = performer.hip * [0.0, 1.0, 1.0]
     pelvis = scale * hips.mean(1) - rotations[:, Limb.PELVIS] @ hip_height
-    captured_height = _lower_foot_height(scale * p[:, list(roles.toes)], scale * ankles, standing)
+    captured_height = _compute_lower_foot_height(scale * p[:, list(roles.toes)], scale * ankles, standing)
     lowest = np.array(
         [performer.soles(performer.figure(r, at)).min() for r, at in zip(rotations, pelvis, strict=True)]
     )
@@ -87,7 +87,7 @@ def _pelvis_path(
     return pelvis
 
 
-def _lower_foot_height(toes: Float, ankles: Float, standing: Bool) -> Float:
+def _compute_lower_foot_height(toes: Float, ankles: Float, standing: Bool) -> Float:
     """Returns the (F,) height in metres of the lower foot above the floor.
 
     Heights below a few centimetres become 0.

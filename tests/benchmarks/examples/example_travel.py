@@ -29,7 +29,7 @@ from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.edits import change_layers
-from enliven.modeling.puppet.suggest import suggested_puppet
+from enliven.modeling.puppet.suggest import suggest_puppet
 from enliven.skeletons.facing import find_facing, rotate_about_y
 from enliven.takes.files import read_take
 
@@ -104,7 +104,7 @@ def travelled(mesh: str, take: str) -> Travelled:
 
 def posed(mesh: Mesh, clip: Clip) -> Project:
     """Returns a suggested puppet "it" that plays a clip in a loop, with each point posed like its joint."""
-    project = suggested_puppet(Project().with_takes(clip), mesh, clip.id, "it")
+    project = suggest_puppet(Project().with_takes(clip), mesh, clip.id, "it")
     puppet = project.puppets["it"]
     size = np.ptp(mesh.vertices, axis=0).max() / np.ptp(clip.skeleton.positions, axis=0).max()
     took = extract_performer_clip(clip, [point.joint for point in puppet.points])

@@ -57,7 +57,7 @@ from enliven_synthesis.sensor.moved_object import (
     FollowingPath,
     MovedObjectPath,
     MovedObjectScan,
-    lie_on_back_pose,
+    make_lying_on_back_pose,
 )
 from enliven_synthesis.sensor.profile import load_profile
 from enliven_viewer.film.sheet import Tile, write_sheet
@@ -128,7 +128,7 @@ def laid() -> Film:
         target=(0.0, 0.85, 0.15), radius=1.5, height=(0.7, 1.9), turns=2.2, seconds=32.0,
         later=(0.0, 0.4, 0.15), turning=laying, nod=0.35,
     )  # fmt: skip
-    poses = [np.eye(4), lie_on_back_pose(chair, (0.0, 0.15))]
+    poses = [np.eye(4), make_lying_on_back_pose(chair, (0.0, 0.15))]
     way = MovedObjectPath(poses, [laying], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
     take = MovedObjectScan(chair, way, load_profile("kinect1"), path, width=320, colour=True)
     frames = (take.frame(index) for index in range(0, take.frames, 2))

@@ -18,7 +18,7 @@ from enliven.possession import ActorSettings
 from enliven.possession.likeness.skeleton import BodyInMesh
 from enliven.possession.limb_retargeting import LimbRetargeting
 from enliven.possession.placement import rotation_about_y
-from enliven.possession.standing_placement import standing_figure
+from enliven.possession.standing_placement import make_standing_figure
 from enliven_edge.stage.character_setup import create_actor, create_mesh_actor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model.posture import rotation
@@ -40,7 +40,7 @@ def facing(yaw: float, x: float = 0.0, lift: float = 0.0) -> Body:
     """Returns a standing performer, rotated about +Y by ``yaw``, with the left thigh lifted by ``lift``,
     radians.
     """
-    joints = standing_figure()
+    joints = make_standing_figure()
     leg = [Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.FOOT_LEFT]
     hip = joints[Joint.HIP_LEFT].copy()
     joints[leg] = hip + (joints[leg] - hip) @ rotation(x=-lift).T
@@ -51,7 +51,7 @@ def facing(yaw: float, x: float = 0.0, lift: float = 0.0) -> Body:
 @settings(max_examples=25, deadline=None)
 def test_carried_hips_differ_from_the_performers_by_a_constant(seed, noise_m, front, seconds):
     """True from the first frame on, while the limbs are still approaching the performer's pose."""
-    rest = standing_figure()
+    rest = make_standing_figure()
     rest[[Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT], 1] = (
         1.39  # a lifted arm, which must come down
     )

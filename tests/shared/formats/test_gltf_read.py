@@ -24,7 +24,7 @@ from enliven.errors import InputError
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip
 from enliven.meshes import load_mesh
-from enliven.meshes.gltf.parts import strongest_influences
+from enliven.meshes.gltf.parts import find_strongest_influences
 from enliven.motion.layers.evaluate import Player
 
 
@@ -223,7 +223,7 @@ def test_colours_come_from_factor_texture_and_vertex(tmp_path):
 def test_the_four_largest_weights_are_kept(seed, width):
     random = np.random.default_rng(seed)
     joints, weights = random.integers(0, 6, (5, width)), random.uniform(0, 1, (5, width))
-    four, shares = strongest_influences(joints, weights)
+    four, shares = find_strongest_influences(joints, weights)
     assert np.allclose(shares.sum(1), 1)
     for v in range(5):
         total: dict[int, float] = {}

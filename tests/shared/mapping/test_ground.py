@@ -13,10 +13,10 @@ from enliven.document.skeleton import Skeleton
 from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
 from enliven.mapping.ground import (
     body_points,
+    compute_posed_surfaces,
     floor_height_under,
     leap_heights,
     level_root,
-    posed_surfaces,
     stands_on_floor,
 )
 from enliven.mapping.quality import measure_quality
@@ -27,7 +27,7 @@ SEEDS = st.integers(0, 10_000)
 
 
 def lowest(made, times):
-    return np.array([at[:, 1].min() for at in posed_surfaces(made.project, made.shape_id, times)])
+    return np.array([at[:, 1].min() for at in compute_posed_surfaces(made.project, made.shape_id, times)])
 
 
 @settings(max_examples=4, deadline=None)
@@ -144,7 +144,9 @@ def test_a_weapon_that_reaches_the_floor_is_not_a_foot(name, length):
     np.testing.assert_array_equal(np.flatnonzero(~body), np.arange(len(body))[-3:])
     plan = replace(create_automatic_plan(clip, shape), travel=True)
     result = retarget(shape, clip, plan)
-    at = np.array(list(posed_surfaces(result.project, "armed", np.linspace(0.0, result.duration, 20))))
+    at = np.array(
+        list(compute_posed_surfaces(result.project, "armed", np.linspace(0.0, result.duration, 20)))
+    )
     assert at[:, ~body, 1].min() < floor_height_under(shape) - 0.2
     np.testing.assert_allclose(at[:, body, 1].min(1), floor_height_under(shape), atol=0.002)
     quality = measure_quality(result.project, "armed", clip, result.duration, plan)

@@ -16,7 +16,7 @@ from enliven.document.project import Project
 from enliven.document.skeleton import Skeleton
 from enliven.mapping.automatic_mapping import create_automatic_plan, play_own_take, retarget
 from enliven.mapping.joint_limits import joint_ranges
-from enliven.mapping.model_clips import own_clips
+from enliven.mapping.model_clips import list_own_clips
 from enliven.mapping.plan import Plan
 from enliven.mapping.plan_file import read_plan, write_plan
 from enliven.motion.kinematics.ranges import FREE_SWING, MAX_UNKNOWN_SWING, SOFT_MARGIN
@@ -219,4 +219,4 @@ def test_takes_that_limits_made_are_not_clips_of_the_model():
         shape, clip, replace(create_automatic_plan(clip, shape), travel=True), project, (grazing(),)
     )
     assert result.limited and "raise: limits" in result.project.takes
-    assert own_clips(result.project, shape) == ("graze",)
+    assert list_own_clips(result.project, shape) == ("graze",)

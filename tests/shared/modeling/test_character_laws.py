@@ -15,7 +15,7 @@ from enliven.document.history import History
 from enliven.document.naming import unused
 from enliven.document.project import Project, are_identical
 from enliven.errors import InputError
-from enliven.examples.puppet_motion import to_world_frame
+from enliven.examples.puppet_motion import convert_to_world_frame
 from enliven.exporters import sample_performance
 from enliven.formats.project.file import parse_project, project_bytes
 from enliven.formats.project.one_character import character_bytes, project_of_mesh
@@ -270,7 +270,7 @@ def test_a_handle_that_is_dragged_is_there_at_that_time(rig, seed, time):
         layer = character.layers[0]
         second = layer.played(time, project.takes[layer.take].duration)[0]
         pose = edited.poses[key_pose_at(dragged, edited, layer.take, second)]
-        place_now = to_world_frame(
+        place_now = convert_to_world_frame(
             character, evaluate_puppet_state(project, character, time), pose.places[number]
         )
         near(root_motion(project, character, time)(place_now[None])[0], place)

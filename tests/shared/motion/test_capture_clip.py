@@ -17,7 +17,7 @@ from enliven.person.body import Body
 from enliven.person.joints import PARENTS, Joint
 from enliven.rotation import from_rotation_vector, multiply, rotate, slerp, to_matrix
 from enliven.takes.capture_clip import (
-    _evenly_sampled_clip,
+    _sample_clip_evenly,
     clip_of_bodies,
     clip_of_capture,
     trim_clip,
@@ -217,7 +217,7 @@ def test_resampling_keeps_the_frames_and_puts_slerps_between(seed, part):
     rng = np.random.default_rng(seed)
     clip = random_clip(rng, random_skeleton(rng, 5))
     times = np.arange(len(clip.turns)) * clip.step
-    finer = _evenly_sampled_clip("take", clip.skeleton, times, clip.turns, clip.root, clip.step * part)
+    finer = _sample_clip_evenly("take", clip.skeleton, times, clip.turns, clip.root, clip.step * part)
     every = round(1 / part)
     assert len(finer.turns) == 8 * every + 1 and finer.duration == pytest.approx(clip.duration)
     assert angle(finer.turns[::every], clip.turns) < 1e-6

@@ -214,9 +214,9 @@ def test_a_key_that_is_set_at_the_playhead_is_removed_there(time: float) -> None
     editor, _, name = desk("bones")
     commands, before = KeyCommands(editor), editor.project
     editor.time = time
-    assert commands.lacks_key() and not commands.lacks()
+    assert commands.describe_missing_key() and not commands.lacks()
     commands.set()
-    assert len(find_keys(editor.project, name, BONE)) == 1 and not commands.lacks_key()
+    assert len(find_keys(editor.project, name, BONE)) == 1 and not commands.describe_missing_key()
     commands.remove()
     assert are_identical(editor.project, before)
 
@@ -327,6 +327,6 @@ def test_a_dragged_dot_of_a_possessed_mesh_sets_a_key_that_bends_it_there() -> N
     np.testing.assert_allclose(pixel, pixels[node] + (0, -40), atol=0.5)
     assert {"keys", "moves"} <= set(curves.groups()) and len(curves.groups()["moves"].dots) == 3
     commands = KeyCommands(editor)
-    assert not commands.lacks_key()
+    assert not commands.describe_missing_key()
     commands.remove()
     assert are_identical(editor.project, WORLDS["graph"][0])

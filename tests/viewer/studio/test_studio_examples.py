@@ -39,6 +39,7 @@ from enliven_viewer.studio.puppets.example_edits import (
     list_constraints,
     mirror_pose,
     move_switch,
+    remove_constraint_from,
     remove_switch,
     retime_pose,
     turn_quarter,
@@ -46,7 +47,6 @@ from enliven_viewer.studio.puppets.example_edits import (
     with_default_settings,
     with_guessed_joints,
     with_setting,
-    without_constraint,
 )
 from enliven_viewer.studio.puppets.motion_solver import MotionSolver
 from enliven_viewer.studio.toasts import Toasts
@@ -246,7 +246,7 @@ def test_constraint_is_unique_per_frame_and_removable() -> None:
     assert list_constraints(project, "star", 0) == (level, second)
     places = evaluate_state(project, project.puppets["star"], 10 / 30).places
     np.testing.assert_allclose(places[1], second.place, atol=1e-8)
-    assert list_constraints(without_constraint(project, "star", 0, second), "star", 0) == (level,)
+    assert list_constraints(remove_constraint_from(project, "star", 0, second), "star", 0) == (level,)
 
 
 def test_a_click_on_a_joint_pairs_it_with_the_chosen_point(tmp_path) -> None:

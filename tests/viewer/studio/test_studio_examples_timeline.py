@@ -200,7 +200,7 @@ def test_a_click_on_a_suggestion_begins_a_key_pose_there(tmp_path) -> None:
     timeline = workspace.state(TimelineInput)
     lanes = timeline.layout
     row = row_of(lanes, "poses")
-    second, x = timeline.rows.details.suggested_marks(lanes, row)[0]
+    second, x = timeline.rows.details.suggest_marks(lanes, row)[0]
     timeline.press(x, middle(row))
     timeline.release(x)
     poses = workspace.editor.project.puppets["star"].poses

@@ -21,7 +21,7 @@ from enliven.document import (
     character_of,
     still_shape,
 )
-from enliven.exporters import octahedral_bone_mesh
+from enliven.exporters import make_octahedral_bone_mesh
 from enliven.formats.rig.rig import play_clip
 from enliven.mapping.automatic_mapping import RetargetedShape
 from enliven.motion.layers.evaluate import Player
@@ -122,7 +122,7 @@ def _make_take_row(retargeted: RetargetedShape, times: Float) -> MotionRow:
 
 def make_stick_shape(name: str, skeleton: Skeleton) -> RiggedCharacter:
     """Returns a shape that displays a skeleton: a slender double pyramid for every bone."""
-    mesh, skin = octahedral_bone_mesh(skeleton)
+    mesh, skin = make_octahedral_bone_mesh(skeleton)
     if mesh is not None:
         mesh = replace(
             mesh, name=name, colours=np.tile(np.array(PERFORMER_COLOUR, np.uint8), (len(mesh.vertices), 1))

@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.kiosk.visitors import Place
 from enliven.person import Body, Joint
-from enliven_viewer.live.followed_edge import shared_performer_id
+from enliven_viewer.live.followed_edge import find_shared_performer_id
 
 SAME_VISITOR_M = 0.45
 """Bodies of two edges within this distance in metres are the same visitor. It is less than the distance
@@ -38,9 +38,9 @@ class VisitorMerge:
             bodies: the bodies of each edge in the shared space, by the number of the edge.
             holding: the shared ids of the bodies that control a character.
         """
-        edges = {shared_performer_id(n, body.id): n for n, there in bodies.items() for body in there}
+        edges = {find_shared_performer_id(n, body.id): n for n, there in bodies.items() for body in there}
         shared = {
-            (number := shared_performer_id(n, body.id)): replace(body, id=number)
+            (number := find_shared_performer_id(n, body.id)): replace(body, id=number)
             for n, there in bodies.items()
             for body in there
         }

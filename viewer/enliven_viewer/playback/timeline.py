@@ -175,9 +175,9 @@ class Timeline:
         if right == 0:
             return self._moments[0]
         if right == len(self._moments):
-            return self._complete_moment(len(self._moments) - 1)
+            return self._complete_view_moment(len(self._moments) - 1)
         if self._times[right] == time_ns:
-            return self._complete_moment(right)
+            return self._complete_view_moment(right)
         before, after = self._moments[right - 1], self._moments[right]
         return self._blend_moments(before, after, time_ns)
 
@@ -239,7 +239,7 @@ class Timeline:
             return held_moment
         return replace(held_moment, bodies=before.bodies, bodies_ns=before.bodies_ns)
 
-    def _complete_moment(self, index: int) -> TimelineMoment:
+    def _complete_view_moment(self, index: int) -> TimelineMoment:
         """Returns a moment, completed with the last known poses of the characters that it lacks.
 
         This is needed because poses arrive one character after another.

@@ -63,7 +63,7 @@ def read_compressed_image(fields: Fields) -> UInt16:
         raise fields.damaged() from None
 
 
-def to_millimetres(depth: UInt16, millimetres: float) -> UInt16:
+def convert_to_millimetres(depth: UInt16, millimetres: float) -> UInt16:
     """Converts depths in steps of ``millimetres`` to millimetres, rounded."""
     if millimetres == 1.0:
         return depth

@@ -181,7 +181,7 @@ def _decompress(header: dict[bytes, bytes], compressed: bytes, path: Path) -> by
         int.from_bytes(header.get(b"size", b"")[:4], "little"),
     )
     if size > _MAX_CHUNK_BYTES:
-        raise _too_large_error(size, path)
+        raise _make_too_large_error(size, path)
     try:
         match compression:
             case b"none":
@@ -247,7 +247,7 @@ def _read_sized(file: BinaryIO, max_bytes: int, path: Path) -> bytes:
     if size > os.fstat(file.fileno()).st_size - file.tell():
         raise _cut_off_error(file.tell(), path)
     if size > max_bytes:
-        raise _too_large_error(size, path)
+        raise _make_too_large_error(size, path)
     return file.read(size)
 
 
@@ -257,7 +257,7 @@ def _cut_off_error(offset: int, path: Path) -> InputError:
     )
 
 
-def _too_large_error(size: int, path: Path) -> InputError:
+def _make_too_large_error(size: int, path: Path) -> InputError:
     return InputError(
         f"a record has {size} bytes; no depth camera writes records of this size",
         where=str(path),

@@ -23,7 +23,7 @@ from enliven.errors import InputError
 from enliven.files import TemporaryFolder
 from enliven.frames import DepthFrame, Frame
 from enliven_edge.sensors.base import SensorFault
-from enliven_edge.sensors.drivers.refusals import one_line_message
+from enliven_edge.sensors.drivers.refusals import make_one_line_message
 from enliven_edge.sensors.replay import ReplaySensor
 
 log = logging.getLogger(__name__)
@@ -152,7 +152,7 @@ class _Bag:
 
     def __init__(self, path: Path) -> None:
         self._file: BinaryIO = path.open("wb")
-        self._file.write(b"#ROSBAG V2.0\n" + _first_record(0, 0, 0))
+        self._file.write(b"#ROSBAG V2.0\n" + _make_first_record(0, 0, 0))
         self._connections: dict[str, bytes] = {}
         self._chunks: list[bytes] = []
 
@@ -165,7 +165,7 @@ class _Bag:
         end = self._file.tell()
         self._file.write(b"".join([*self._connections.values(), *self._chunks]))
         self._file.seek(len(b"#ROSBAG V2.0\n"))
-        self._file.write(_first_record(end, len(self._connections), len(self._chunks)))
+        self._file.write(_make_first_record(end, len(self._connections), len(self._chunks)))
         self._file.close()
 
     def write(self, messages: list[tuple[str, int, bytes]]) -> None:
@@ -192,7 +192,7 @@ class _Bag:
         self._chunks.append(_record(_OP_CHUNK_INFO, fields, counts))
 
 
-def _first_record(index: int, connections: int, chunks: int) -> bytes:
+def _make_first_record(index: int, connections: int, chunks: int) -> bytes:
     fields = {"index_pos": struct.pack("<Q", index)} | _numbers(conn_count=connections, chunk_count=chunks)
     bare = len(_record(_OP_HEADER, fields, b""))
     return _record(_OP_HEADER, fields, b" " * (_HEADER_SIZE - bare))
@@ -294,5 +294,5 @@ def playbacks(ob: Any, path: str) -> list[tuple[Any, int]]:
         try:
             return [(ob.PlaybackDevice(str(file)), shift_ns) for file, shift_ns in files]
         except ob.OBError as error:
-            problem = f"Orbbec's library cannot play it ({one_line_message(error)})"
+            problem = f"Orbbec's library cannot play it ({make_one_line_message(error)})"
             raise InputError(problem, where=path) from None

@@ -121,7 +121,7 @@ def rate_solution(board: CalibrationBoard, solution: StereoSolution) -> Calibrat
     if calibration is None:
         lacking = f"Take {MIN_PAIRS} pairs or more in which both cameras see most of the board, held still."
         return CalibrationQuality("not good enough", facts, [lacking])
-    error = expected_depth_error(calibration, solution.disparity_error, _REPORT_DISTANCE_M)
+    error = compute_expected_depth_error(calibration, solution.disparity_error, _REPORT_DISTANCE_M)
     covered = {side: _find_covered_fields(calibration, solution, side) for side in ("left", "right")}
     facts += [
         ("baseline", f"{1e3 * calibration.baseline:.1f} mm"),
@@ -146,7 +146,9 @@ def rate_solution(board: CalibrationBoard, solution: StereoSolution) -> Calibrat
     return CalibrationQuality("not good enough" if bad else "fair" if advice else "good", facts, advice)
 
 
-def expected_depth_error(calibration: StereoCalibration, disparity_error: float, distance: float) -> float:
+def compute_expected_depth_error(
+    calibration: StereoCalibration, disparity_error: float, distance: float
+) -> float:
     """Returns the expected depth error in metres at a distance in metres."""
     disparity = float(np.hypot(disparity_error, _MATCHER_ERROR_PX))
     return distance**2 * disparity / (calibration.left.fx * calibration.baseline)

@@ -98,7 +98,7 @@ def body_of_points(points: dict[Joint, Float]) -> Body:
     hip, chest = points[Joint.HIP_CENTER], points[Joint.SHOULDER_CENTER]
     up = unit(chest - hip)
     size = float(np.linalg.norm(chest - hip)) / _TRUNK_M
-    across = _left_direction(points, up)
+    across = _compute_left_direction(points, up)
     joints = np.empty((len(Joint), 3))
     joints[Joint.HIP_CENTER], joints[Joint.SHOULDER_CENTER] = hip, chest
     joints[Joint.SPINE] = hip + _SPINE_FRACTION * (chest - hip)
@@ -125,7 +125,7 @@ def body_of_points(points: dict[Joint, Float]) -> Body:
     return Body(1, joints, confidence)
 
 
-def _left_direction(points: dict[Joint, Float], up: Float) -> Float:
+def _compute_left_direction(points: dict[Joint, Float], up: Float) -> Float:
     """Returns the (3,) unit direction to the person's left, from pairs of trackers, or else +X."""
     across = np.zeros(3)
     for name in ("ELBOW", "KNEE", "ANKLE"):

@@ -11,9 +11,9 @@ from enliven.person import (
     Body,
     HumanPose,
     body_from_human_pose,
+    compute_standing_offset,
     from_unity_position,
     from_unity_rotation,
-    standing_offset,
 )
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
 from enliven_edge.sensors.streams.osc_opening import open_osc_port
@@ -87,7 +87,7 @@ class VmcSensor(StreamSensor[list[Message]]):
             else:
                 start, above = positions[names.index(parent)], turns[names.index(parent)]
                 if float(np.linalg.norm(offset)) < _MIN_OFFSET_M:
-                    offset = standing_offset(name, parent, self._height)
+                    offset = compute_standing_offset(name, parent, self._height)
             names.append(name)
             positions.append(start + rotate(above, offset))
             turns.append(multiply(above, own))

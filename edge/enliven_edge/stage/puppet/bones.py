@@ -27,7 +27,7 @@ _MIN_LENGTH_M = 1e-3
 """Minimum length in metres of a bone with a direction. A millimetre is below the noise of joints."""
 
 
-def standing_directions() -> Float:
+def compute_standing_directions() -> Float:
     """Returns (20, 3) unit directions of the bones that end at the joints: upright, facing +Z, arms
     hanging."""
     directions = np.tile(np.array(_DOWN), (len(Joint), 1))
@@ -71,7 +71,7 @@ class BoneTracker:
 
     def __init__(self, ease: float) -> None:
         self._ease = ease
-        self._directions = standing_directions()
+        self._directions = compute_standing_directions()
         self._trust = np.zeros(len(Joint))
         self._turns = np.tile(np.eye(3), (3, 1, 1))
         self._trunk_trust = np.zeros(3)

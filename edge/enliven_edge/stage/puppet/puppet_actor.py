@@ -99,12 +99,12 @@ class PuppetActor(Actor):
         Raises:
             InputError: for an unknown part, or one without a paired control point.
         """
-        points = self._paired_points(parts)
+        points = self._find_paired_points(parts)
         if not points:
             raise InputError(
                 f"no control point goes with {parts!r}",
                 where=f"possessing {self.character.id!r}",
-                remedy=f"They go with: {', '.join(self._followed_names())}.",
+                remedy=f"They go with: {', '.join(self._list_followed_names())}.",
             )
         if not ((body.confidence > 0) & np.isfinite(body.joints).all(1)).any():
             where, remedy = f"possessing {self.character.id!r}", "Step in front of the sensor again."
@@ -130,7 +130,9 @@ class PuppetActor(Actor):
         who, parts = self._candidate
         body = next((b for b in bodies if b.id == who), None) or self.next_performer(bodies)
         held = [(hold.body, self._highlight_strengths(hold.points)) for hold in self.holds]
-        preview = None if body is None else (body.id, self._highlight_strengths(self._paired_points(parts)))
+        preview = (
+            None if body is None else (body.id, self._highlight_strengths(self._find_paired_points(parts)))
+        )
         return make_cues(held, preview)
 
     def warm_up(self) -> None:
@@ -147,14 +149,14 @@ class PuppetActor(Actor):
         feet = FootDetector(how.contact, how.runner)
         return ControlPointHold(body, points, BoneTracker(_VISIBLE_EASE_S), feet, seen_ns=self._time_ns)
 
-    def _paired_points(self, parts: str) -> frozenset[int]:
+    def _find_paired_points(self, parts: str) -> frozenset[int]:
         """Returns the control points that are paired with the given parts of the performer's body."""
         joints = {int(joint) for joint in parse_parts(parts)}
         if self.settings.mirror:
             joints = {MIRROR[joint] for joint in joints}
         return frozenset(k for k, joint in enumerate(self._retargeting.joints) if int(joint) in joints)
 
-    def _followed_names(self) -> list[str]:
+    def _list_followed_names(self) -> list[str]:
         """Returns the names of the joints that control points are paired with."""
         return sorted({joint.name.lower().replace("_", " ") for joint in self._retargeting.joints})
 
@@ -198,7 +200,7 @@ class PuppetActor(Actor):
 
     def _update_state(self, time_ns: int, paused: bool) -> None:
         """Updates the state from the holds' last poses."""
-        lead = self._leading_hold()
+        lead = self._find_leading_hold()
         if lead is not self._lead:
             self._lead, self._yaw_offset = lead, self._state.yaw - lead.yaw
         pose = lead.pose.copy()
@@ -216,7 +218,7 @@ class PuppetActor(Actor):
         else:
             self._state = self._live.advance(time_ns, sample)
 
-    def _leading_hold(self) -> ControlPointHold:
+    def _find_leading_hold(self) -> ControlPointHold:
         """Returns the hold that moves the puppet through the world.
 
         It is the oldest hold with a foot, or else the oldest hold.

@@ -144,7 +144,7 @@ def _starts_at_protrusion(
 
     Both directions of the forearm are tried.
     """
-    out = _protruding_points(observation, posture)
+    out = _find_protruding_points(observation, posture)
     if len(out) < _MIN_GROUP_POINTS:
         return []
     group = out[densest_ball(out, np.float32(_GROUP_RADIUS_M))].astype(float)
@@ -191,7 +191,7 @@ def densest_ball(points, radius):
     return near
 
 
-def _protruding_points(observation: Observation, posture: Posture) -> Float32:
+def _find_protruding_points(observation: Observation, posture: Posture) -> Float32:
     """Returns the (N, 3) points that protrude from the whole model, on rays that hit the trunk behind them.
 
     Furniture next to a person and another person's arm protrude, too, but the trunk is not behind them.

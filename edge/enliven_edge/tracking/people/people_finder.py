@@ -86,7 +86,7 @@ class PeopleFinder:
         """
         self._candidates.reject(place, time_ns)
 
-    def searched_pixels(self, view: FrameView) -> Bool:
+    def find_searched_pixels(self, view: FrameView) -> Bool:
         """Returns the (h, w) pixels of the candidates that are being searched."""
         searched = np.zeros(view.z.shape, bool)
         for candidate in self._search.searched_candidates:
@@ -130,7 +130,7 @@ class PeopleFinder:
             for n in candidates
             if n.shape.free_fraction > _MIN_FREE_OUTLINE or n in self._search.searched_candidates
         ]
-        hold = self._held_pixels(view, segments, free, background)
+        hold = self._find_held_pixels(view, segments, free, background)
         due = self._find_due(candidates, view, background)
         if not believe or self._has_lost_all(view):
             self._search.stop()
@@ -165,7 +165,7 @@ class PeopleFinder:
         share = min(1.0, _BLOB_BUDGET * sum(1 + len(n.unions) for n in self._search.searched_candidates))
         self._budget.remaining = max(_MIN_BUDGET, share * self._budget.remaining)
 
-    def _held_pixels(
+    def _find_held_pixels(
         self, view: FrameView, segments: Segments, free: list[Candidate], background: BackgroundModel
     ) -> Bool:
         """Returns the pixels (h, w) of free candidates, which must not be learnt as background.

@@ -108,7 +108,7 @@ class PersonGallery:
         self.absent: list[AbsentPerson] = []
         self._last = 0
 
-    def new_id(self) -> int:
+    def make_new_id(self) -> int:
         """Returns an id that no person has had."""
         self._last += 1
         return self._last

@@ -203,7 +203,7 @@ class TrackManager:
             elif self.lock.is_closed:
                 self.people.remove(person)
             else:
-                person.id = self.gallery.new_id()
+                person.id = self.gallery.make_new_id()
 
     def _adopt_identity(self, person: Person, absent: AbsentPerson) -> None:
         """Assigns the id and the looks of an absent person to a person."""

@@ -264,7 +264,7 @@ def _classify_groups(table: Float) -> tuple[list[LooseGroup], Int]:
     """
     area, joined = table[:, 0], _limb_owners(table)
     large = np.flatnonzero((area >= MIN_GROUP_AREA_M2) & (joined < 0))
-    return [_loose_group(int(g), table[g]) for g in sorted(large, key=lambda g: -area[g])], joined
+    return [_make_loose_group(int(g), table[g]) for g in sorted(large, key=lambda g: -area[g])], joined
 
 
 @njit(cache=True, nogil=True)
@@ -281,7 +281,7 @@ def _limb_owners(table):
     return joined
 
 
-def _loose_group(g: int, row: Float) -> LooseGroup:
+def _make_loose_group(g: int, row: Float) -> LooseGroup:
     top, left, bottom, right = (int(x) for x in row[11:15])
     centre, contact = row[7:10] / row[10], row[15:].astype(np.int64)
     return LooseGroup(g, float(row[0]), row[1:4], row[4:7], centre, contact, (top, left, bottom, right))

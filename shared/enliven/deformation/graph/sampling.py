@@ -180,13 +180,15 @@ def sample_poisson_disk(
     order = rng.permutation(len(darts.positions))
     positions, normals = darts.positions[order], darts.normals[order]
     if radius is None:
-        radius, accepted = _largest_sample_radius(nodes, positions, normals, np.sqrt(area / nodes))
+        radius, accepted = _compute_largest_sample_radius(nodes, positions, normals, np.sqrt(area / nodes))
     else:
         accepted = throw_darts(positions, normals, radius)
     return SurfaceSamples(positions[accepted], normals[accepted], darts.faces[order][accepted], float(radius))
 
 
-def _largest_sample_radius(count: int, positions: Float, normals: Float, radius: float) -> tuple[float, Int]:
+def _compute_largest_sample_radius(
+    count: int, positions: Float, normals: Float, radius: float
+) -> tuple[float, Int]:
     """Returns the largest radius that gives at least ``count`` points, and the indices (count,) of the first
     of these points."""
     min_radius, max_radius = radius, radius

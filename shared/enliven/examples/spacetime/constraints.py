@@ -134,7 +134,7 @@ class _Forest:
         if root_a == root_b:
             if abs(of_a - of_b - value) > close:
                 contradicted = ", ".join(
-                    str(constraint) for constraint in self._connecting_constraints(a, b)[:4]
+                    str(constraint) for constraint in self._find_connecting_constraints(a, b)[:4]
                 )
                 advice = "Remove or change one of them."
                 raise InputError(f"{why} contradicts {contradicted}", where=_ERROR_PLACE, remedy=advice)
@@ -167,7 +167,7 @@ class _Forest:
             self._above[passed] = (root, total)
         return root, total
 
-    def _connecting_constraints(self, a: _Node | None, b: _Node | None) -> list[Constraint]:
+    def _find_connecting_constraints(self, a: _Node | None, b: _Node | None) -> list[Constraint]:
         """Returns the constraints that connect a to b."""
         came: dict[_Node | None, tuple[_Node | None, Constraint] | None] = {a: None}
         waiting = [a]

@@ -15,7 +15,7 @@ from enliven.document import Skeleton
 from enliven.errors import InputError
 from enliven.rotation import from_rotation_vector, multiply, rotate, swing, unit
 from enliven.skeletons.facing import find_facing
-from enliven.skeletons.human_names import HumanJoints, HumanLimb, finger_joints, human_joints
+from enliven.skeletons.human_names import HumanJoints, HumanLimb, find_human_joints, finger_joints
 
 _LEFT_DIRECTION = np.array([1.0, 0.0, 0.0])
 _DOWN_DIRECTION = np.array([0.0, -1.0, 0.0])
@@ -68,7 +68,7 @@ def humanoid_from_skeleton(skeleton: Skeleton | None, where: str) -> Humanoid:
         InputError: if the names of the joints do not identify all bones that VRM requires.
     """
     remedy = "Write a .glb instead, or name the joints as Mixamo, VRM or Unreal do."
-    human = None if skeleton is None else human_joints(skeleton)
+    human = None if skeleton is None else find_human_joints(skeleton)
     if skeleton is None or human is None:
         problem = "it is not a humanoid: no two arms and two legs are found by the names of its joints"
         raise InputError(problem, where=where, remedy=remedy)

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.errors import EnlivenError, InputError, plain_reason
+from enliven.errors import EnlivenError, InputError, find_plain_reason
 from enliven.files import DAMAGE, ReferencedFiles, is_file, read_file
 from enliven.meshes.gltf.compression import MAX_UNPACKED_BYTES, check_meshopt, draco_arrays, meshopt_bytes
-from enliven.meshes.gltf.extensions import DRACO, MESHOPT, extension_notes, follow_pointers, hidden_nodes
+from enliven.meshes.gltf.extensions import DRACO, MESHOPT, extension_notes, find_hidden_nodes, follow_pointers
 from enliven.meshes.gltf.gltf_json import GLTF_SUFFIXES, Entry, gltf_document
 from enliven.meshes.gltf.vrm import read_human_bones
 
@@ -61,7 +61,7 @@ class GltfFile:
             self.notes = extension_notes(self.document)
             _check_references(self.document)
             self.notes += follow_pointers(self.document)
-            self.hidden = hidden_nodes(self.document, self.parents)
+            self.hidden = find_hidden_nodes(self.document, self.parents)
         except InputError as error:
             raise self.create_error(error.what, error.remedy or _EXPORT_ADVICE) from None
         except DAMAGE as error:
@@ -74,7 +74,7 @@ class GltfFile:
     def create_damage_error(self, error: Exception) -> InputError:
         """Converts an exception that was caused by a damaged file into an InputError."""
         logging.getLogger(__name__).debug("glTF", exc_info=error)
-        return self.create_error(f"it is damaged: {plain_reason(error)}")
+        return self.create_error(f"it is damaged: {find_plain_reason(error)}")
 
     def keys(self, sampler: Any, path: str) -> Float:
         """Returns the values (K, C) of a sampler at its K keys. For cubic interpolation, returns values and
@@ -156,7 +156,7 @@ class GltfFile:
         except EnlivenError:
             raise
         except Exception as error:  # Numbers out of range may raise any exception.
-            raise self.create_error(f"{what} cannot be read: {plain_reason(error)}") from None
+            raise self.create_error(f"{what} cannot be read: {find_plain_reason(error)}") from None
 
     def _read_accessor(self, index: int) -> AnyArray:
         accessor = self.document.accessors[index]
@@ -203,9 +203,9 @@ class GltfFile:
             packed = getattr(view_entry.extensions, extension, None)
             if isinstance(packed, Entry):
                 return self._decompress_view(view, packed, extension)
-        return self._declared_bytes(view_entry)
+        return self._count_declared_bytes(view_entry)
 
-    def _declared_bytes(self, found: Any) -> bytes:
+    def _count_declared_bytes(self, found: Any) -> bytes:
         """Returns the bytes that a buffer view declares. The JSON entry of a compressed view has the same
         format.
         """
@@ -224,7 +224,9 @@ class GltfFile:
                 self._unpacked_bytes += check_meshopt(packed)
                 if self._unpacked_bytes > MAX_UNPACKED_BYTES:
                     raise InputError(f"in total it has more than {MAX_UNPACKED_BYTES} bytes")
-                self._unpacked[view] = meshopt_bytes(self._declared_bytes(packed), packed, str(self.path))
+                self._unpacked[view] = meshopt_bytes(
+                    self._count_declared_bytes(packed), packed, str(self.path)
+                )
             except InputError as error:
                 if error.where == str(self.path):
                     raise
@@ -278,7 +280,7 @@ def _parse_document(path: Path) -> tuple[Entry, list[int], bytes | None]:
             raise InputError("it declares another version" if version else "it declares no version")
     except (InputError, *DAMAGE) as error:
         logging.getLogger(__name__).debug("glTF", exc_info=True)
-        problem = f"it cannot be read as glTF 2: {plain_reason(error)}"
+        problem = f"it cannot be read as glTF 2: {find_plain_reason(error)}"
         raise InputError(
             problem,
             where=str(path),

@@ -60,7 +60,7 @@ def rest_locals(file: GltfFile) -> Locals:
     """Returns the nodes' rest transforms in the file (one frame, F = 1). Scales of 0 are replaced by a tiny
     scale.
     """
-    transforms = _rest_transforms(file)
+    transforms = _collect_rest_transforms(file)
     _replace_zero_scales(transforms, file.scale_keys)
     return transforms
 
@@ -72,7 +72,7 @@ def bind_locals(file: GltfFile, still: bool = False) -> Locals:
     animation have a shape. A node that is mirrored in all animations, but not in the file's rest pose, is
     mirrored, unless ``still`` is set.
     """
-    transforms, sizes = _rest_transforms(file), file.scale_keys
+    transforms, sizes = _collect_rest_transforms(file), file.scale_keys
     for node, clips in sizes.items():
         rest = transforms.scale[0, node]
         keys = np.concatenate(list(clips.values()))
@@ -109,7 +109,7 @@ def _replace_zero_scales(made: Locals, sizes: dict[int, dict[int, Float]]) -> No
 
 def zero_scale_nodes(file: GltfFile) -> set[int]:
     """Returns the nodes with scale 0 at rest and in all animations, with their whole subtrees."""
-    stated, zero_nodes = _rest_transforms(file), set[int]()
+    stated, zero_nodes = _collect_rest_transforms(file), set[int]()
     for node in range(len(file.parents)):
         fixed = stated.fixed.get(node)
         size = stated.scale[0, node] if fixed is None else fixed[:3, :3]
@@ -125,7 +125,7 @@ def zero_scale_nodes(file: GltfFile) -> set[int]:
     return zero_nodes
 
 
-def _rest_transforms(file: GltfFile) -> Locals:
+def _collect_rest_transforms(file: GltfFile) -> Locals:
     """Returns the nodes' rest transforms in the file (one frame, F = 1)."""
     nodes = file.document.nodes
     count = len(nodes)
@@ -182,7 +182,7 @@ def frame_times(file: GltfFile, animation: int) -> Float:
 
     If the keys are evenly spaced, their times are among the sample times.
     """
-    samplers = _used_samplers(file, animation)
+    samplers = _find_used_samplers(file, animation)
     keys = [_key_times(file, sampler.input) for sampler in samplers]
     keys = [k for k in keys if len(k)]
     if not keys:
@@ -208,7 +208,7 @@ def key_times(file: GltfFile, animation: int, even: Float) -> Float:
     Each jump of a STEP channel adds two times: just before its key, and at the key.
     """
     candidates, step = list[Float](), float(even[1] - even[0]) if len(even) > 1 else 1.0
-    for sampler in _used_samplers(file, animation):
+    for sampler in _find_used_samplers(file, animation):
         keys = _key_times(file, sampler.input)
         if sampler.interpolation == "STEP" and len(keys) > 1:
             values = np.asarray(file.accessor(sampler.output), np.float64)
@@ -246,7 +246,7 @@ def _scale_change_times(file: GltfFile, animation: int) -> list[Float]:
     return times
 
 
-def _used_samplers(file: GltfFile, animation: int) -> list[Any]:
+def _find_used_samplers(file: GltfFile, animation: int) -> list[Any]:
     """Returns the samplers of the channels that move nodes."""
     animation_entry = file.document.animations[animation]
     used = {
@@ -257,9 +257,9 @@ def _used_samplers(file: GltfFile, animation: int) -> list[Any]:
     return [animation_entry.samplers[number] for number in sorted(used)]
 
 
-def animated_locals(file: GltfFile, animation: int, times: Float) -> Locals:
+def sample_animated_locals(file: GltfFile, animation: int, times: Float) -> Locals:
     """Samples every channel of an animation at ``times`` (F,) seconds."""
-    rest = _rest_transforms(file)
+    rest = _collect_rest_transforms(file)
     count = len(times)
     transforms = Locals(
         np.repeat(rest.translation, count, 0),

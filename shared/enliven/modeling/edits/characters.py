@@ -187,7 +187,7 @@ def change_layers(project: Project, character_id: str, numbers: Iterable[int], *
     character, wanted = project.character(character_id), set(numbers)
     _check_layers(character, wanted)
     layers = (
-        _changed_layer(layer, changes) if number in wanted else layer
+        _change_layer(layer, changes) if number in wanted else layer
         for number, layer in enumerate(character.playing)
     )
     changed_layers = character.with_playing(*layers)
@@ -284,6 +284,6 @@ def _check_layers(character: RigBase, numbers: set[int]) -> None:
         raise InputError(problem, where=character.where, remedy=f"Number of layers: {count}.")
 
 
-def _changed_layer(layer: LayerBase, changes: dict[str, Any]) -> LayerBase:
+def _change_layer(layer: LayerBase, changes: dict[str, Any]) -> LayerBase:
     check_names(changes, type(layer), f"layer of {layer.take!r}")
     return replace(layer, **changes)

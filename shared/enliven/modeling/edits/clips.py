@@ -47,7 +47,10 @@ def split_clip(project: Project, character_id: str, numbers: Iterable[int], time
     """
 
     numbers = tuple(numbers)
-    project_time, time = time, _find_layer(project.character(character_id), numbers[0]).to_unwarped_time(time)
+    project_time, time = (
+        time,
+        _find_layer(project.character(character_id), numbers[0]).convert_to_unwarped_time(time),
+    )
 
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
         clips_there = [
@@ -89,7 +92,7 @@ def trim_clip(
     character, numbers = project.character(character_id), tuple(numbers)
     layer = _find_layer(character, numbers[0])
     length = project.length_of(layer)
-    begin, end = (None if at is None else layer.to_unwarped_time(at) for at in (begin, end))
+    begin, end = (None if at is None else layer.convert_to_unwarped_time(at) for at in (begin, end))
 
     def change(segment: Segment) -> Segment:
         ends = sorted(
@@ -130,7 +133,10 @@ def move_clip(
     layer = _find_layer(project.character(character_id), numbers[0])
 
     def change(segment: Segment) -> Segment:
-        start_delay = layer.to_unwarped_time(layer.to_warped_time(segment.begin) + delay) - segment.begin
+        start_delay = (
+            layer.convert_to_unwarped_time(layer.convert_to_warped_time(segment.begin) + delay)
+            - segment.begin
+        )
         return replace(segment, begin=segment.begin + start_delay, end=segment.end + start_delay)
 
     return _with_changed_clip(project, character_id, numbers, clip, change)
@@ -148,7 +154,7 @@ def stretch_clip(
     """Plays the same part of a clip's take faster or slower, so that it lasts from ``begin`` to ``end``."""
     numbers = tuple(numbers)
     layer = _find_layer(project.character(character_id), numbers[0])
-    begin, end = (None if at is None else layer.to_unwarped_time(at) for at in (begin, end))
+    begin, end = (None if at is None else layer.convert_to_unwarped_time(at) for at in (begin, end))
 
     def change(segment: Segment) -> Segment:
         start, stop = segment.begin if begin is None else begin, segment.end if end is None else end

@@ -127,7 +127,7 @@ def find_feet(shape: GraphCharacter, nodes: Int) -> list[StandingFoot]:
         groups = [np.flatnonzero(is_near & carried) for is_near in near]
     else:
         low = np.flatnonzero((vertices[:, 1] < vertices[:, 1].min() + _SOLE_HEIGHT_FRACTION * tall) & carried)
-        groups = _proximity_groups(vertices[low], low, _MIN_FOOT_DISTANCE_FRACTION * size)
+        groups = _find_proximity_groups(vertices[low], low, _MIN_FOOT_DISTANCE_FRACTION * size)
     groups = sorted((group for group in groups if len(group)), key=len, reverse=True)[:_MAX_FEET]
     feet = []
     for group in groups:
@@ -137,7 +137,7 @@ def find_feet(shape: GraphCharacter, nodes: Int) -> list[StandingFoot]:
     return feet
 
 
-def _proximity_groups(places: Float, numbers: Int, apart: float) -> list[Int]:
+def _find_proximity_groups(places: Float, numbers: Int, apart: float) -> list[Int]:
     """Groups points (K, 3) by distance, and returns the ``numbers`` (K,) of each group. Points of different
     groups are more than ``apart`` metres apart."""
     if not len(places):

@@ -95,7 +95,13 @@ def key_characters(
         radians, metres = root_values(project, character, root, moved, time)
         key_degrees = np.array(key_at(project, name, None, time).degrees)
         project = set_key(
-            project, name, None, time, _nearest_degrees(radians, key_degrees).tolist(), None, metres.tolist()
+            project,
+            name,
+            None,
+            time,
+            _find_nearest_degrees(radians, key_degrees).tolist(),
+            None,
+            metres.tolist(),
         )
     return project
 
@@ -127,7 +133,7 @@ def _key_joint(project: Project, shape: RiggedCharacter, j: int, place: Float, t
     # It is its own inverse, so L^-1 = S basis^-1.
     own_rotation = multiply(multiply(conjugate(axes.turn), added), axes.turn)
     own_rotation = Axes(IDENTITY, axes.mirrored).rotations(own_rotation)
-    degrees = _nearest_degrees(to_rotation_vector(normalized(own_rotation)), key_degrees)
+    degrees = _find_nearest_degrees(to_rotation_vector(normalized(own_rotation)), key_degrees)
     return set_key(project, shape.id, j, time, degrees.tolist())
 
 
@@ -155,7 +161,7 @@ def _key_node(project: Project, shape: GraphCharacter, node: int, place: Float, 
     )
 
 
-def _nearest_degrees(radians: Float, previous_degrees: Float) -> Float:
+def _find_nearest_degrees(radians: Float, previous_degrees: Float) -> Float:
     """Converts a rotation vector (3,) from radians to degrees. Full turns are added so that the result is
     nearest to ``previous_degrees`` (3,).
     """

@@ -126,15 +126,15 @@ def _layer_motion(project: Project, layer: RootLayer, time: float) -> tuple[Rigi
     weight = 0.0 if layer.muted else layer.weight * at.weight
     if weight == 0.0:
         return IDENTITY_MOTION, 0.0
-    turn, place = _recorded_root(clip, at.second)
+    turn, place = _find_recorded_root(clip, at.second)
     if at.share > 0.0:
-        turn, place = _interpolate_root((turn, place), _recorded_root(clip, at.other), at.share)
+        turn, place = _interpolate_root((turn, place), _find_recorded_root(clip, at.other), at.share)
     axes = Axes(layer.basis, layer.mirrored)
     turn = axes.rotations(from_rotation_vector(weight * to_rotation_vector(turn)))
     return about(turn, weight * layer.size * axes.vectors(place), layer.about), weight
 
 
-def _recorded_root(clip: Clip, second: float) -> tuple[Float, Float]:
+def _find_recorded_root(clip: Clip, second: float) -> tuple[Float, Float]:
     """Returns the rotation (4,) and position (3,) in metres of a clip's root at a time of the clip in
     seconds."""
     last = len(clip.turns) - 1

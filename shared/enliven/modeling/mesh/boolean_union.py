@@ -143,7 +143,7 @@ class UnionBuilder:
         # Collect the faces: first the uncut faces of both meshes, then the split faces, then the leaves (open
         # sheets).
         faces = np.concatenate(
-            [*(self._kept_faces(side, number) for side in self.sides)]
+            [*(self._find_kept_faces(side, number) for side in self.sides)]
             + [number[side.triangles[~side.whole]] for side in self.sides]
             + [
                 start + np.searchsorted(old, side.solid.leaves.faces)
@@ -158,7 +158,7 @@ class UnionBuilder:
         # values.
         weights, paint = self._interpolate_new(new)
         whole = skins.bone_count(skins.concatenate_skins(self.pair.skins))
-        old_skins = [self._kept_skin(k, kept_vertices[k], whole) for k in range(2)]
+        old_skins = [self._make_kept_skin(k, kept_vertices[k], whole) for k in range(2)]
         skin = skins.concatenate_skins([*old_skins, skins.keep_largest_weights(weights)])
         paint = np.concatenate(
             [*(m.paint[k] for m, k in zip(self.meshes, kept_vertices, strict=True)), paint]
@@ -199,7 +199,7 @@ class UnionBuilder:
         groups += [(side.solid.leaves.materials, len(side.solid.leaves.faces)) for side in self.sides]
         return join_materials(groups)
 
-    def _kept_faces(self, side: Side, number: Int) -> Int:
+    def _find_kept_faces(self, side: Side, number: Int) -> Int:
         """Returns the uncut faces (K, 3) of one side in their old order. ``number`` gives the new number of
         each vertex."""
         order = np.sort(side.source[side.whole])
@@ -208,7 +208,7 @@ class UnionBuilder:
         at[side.old[traced]] = number[traced]
         return np.asarray(at[side.solid.mesh.faces[order]])
 
-    def _kept_skin(self, k: int, kept_vertices: Int | Int32, bones: int) -> SkinWeights:
+    def _make_kept_skin(self, k: int, kept_vertices: Int | Int32, bones: int) -> SkinWeights:
         """Returns the skin of the kept vertices. Vertices that close a hole get the interpolated skin of its
         border.
         """
@@ -216,7 +216,7 @@ class UnionBuilder:
         given_count = len(self.pair.meshes[k].vertices)
         if len(mesh.vertices) == given_count:
             return skins.select_vertices(skin, kept_vertices)
-        full = skins.dense_weights(skin, bones)
+        full = skins.make_dense_weights(skin, bones)
         for of, how in self.sides[k].solid.closing:
             full = np.concatenate([full, how(full[of])])
         old = skins.select_vertices(skin, kept_vertices[kept_vertices < given_count])
@@ -240,7 +240,9 @@ class UnionBuilder:
             own = mesh.faces[side.source[face[first]]]
             coordinates = barycentric(self.places[vertex], mesh.vertices[own])
             corners, inverse = np.unique(own, return_inverse=True)
-            full = skins.dense_weights(self._kept_skin(k, corners, bones), bones)[inverse.reshape(-1, 3)]
+            full = skins.make_dense_weights(self._make_kept_skin(k, corners, bones), bones)[
+                inverse.reshape(-1, 3)
+            ]
             weights[row[vertex]] = (coordinates[..., None] * full).sum(1)
             paint[row[vertex]] = (coordinates[..., None] * own_paint[own]).sum(1)
         return weights, paint
@@ -262,7 +264,7 @@ class UnionBuilder:
         rows = np.flatnonzero(seam)
         bones = skins.bone_count(skin)
         full, counts = np.zeros((count, bones)), np.zeros(count)
-        np.add.at(full, first[rows], skins.dense_weights(skins.select_vertices(skin, rows), bones))
+        np.add.at(full, first[rows], skins.make_dense_weights(skins.select_vertices(skin, rows), bones))
         np.add.at(counts, first[rows], 1.0)
         mean = skins.keep_largest_weights(full[first[rows]] / counts[first[rows], None])
         indices, weights = skin.indices.copy(), skin.weights.copy()

@@ -159,7 +159,7 @@ class _PieceBuilder:
             return vertices, paint, None
         old = np.unique(sources)
         few = np.searchsorted(old, sources)
-        full = skins.dense_weights(skins.select_vertices(work.skin, old), skins.bone_count(work.skin))
+        full = skins.make_dense_weights(skins.select_vertices(work.skin, old), skins.bone_count(work.skin))
         used_bones = np.flatnonzero(full.any(0))
         full = full[:, used_bones]
         rim_skin = full[few[:, 0]] * (1 - edge_fraction) + full[few[:, 1]] * edge_fraction

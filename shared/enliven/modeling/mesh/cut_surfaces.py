@@ -118,7 +118,7 @@ class StrokeCut(CutSurface):
         projected = points @ self.picture_from_world[:, :3].T + self.picture_from_world[:, 3]
         depth = projected[:, 3]
         shown = projected[:, :2] / np.where(depth > 1e-9, depth, 1e-9)[:, None]
-        along, left = _nearest_on_stroke(self.stroke, shown)
+        along, left = _find_nearest_on_stroke(self.stroke, shown)
         return along, left, depth
 
 
@@ -127,7 +127,7 @@ def _arc_lengths(stroke: Float) -> Float:
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stroke, axis=0), axis=1))])
 
 
-def _nearest_on_stroke(stroke: Float, points: Float) -> tuple[Float, Float]:
+def _find_nearest_on_stroke(stroke: Float, points: Float) -> tuple[Float, Float]:
     """Returns (N,) arc length of the nearest point on the extended stroke, and (N,) the distance to its
     left."""
     starts, vectors = stroke[:-1], np.diff(stroke, axis=0)

@@ -60,10 +60,10 @@ def unite_meshes(
         )
     notes = tuple(f"{s.mesh.name!r}: {note}" for s in (first_solid, second_solid) for note in s.notes)
     union = pair.build_union((first_solid, second_solid), both.to_mesh64(), notes)
-    return _without_slivers(union) if tidy and union.fused else union
+    return _remove_slivers(union) if tidy and union.fused else union
 
 
-def _without_slivers(union: Union) -> Union:
+def _remove_slivers(union: Union) -> Union:
     """Removes slivers at the new vertices of a union, where the seam has a crease."""
     new = find_creases(union.mesh, union.seam) & (union.first < 0) & (union.second < 0)
     # If positions occur twice, as in a flat-shaded mesh, moving only one of two equal vertices would open a

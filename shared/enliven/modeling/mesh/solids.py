@@ -52,7 +52,7 @@ def solid_from_mesh(mesh: Mesh) -> Solid | str:
         notes.append(f"closed {closed.caps} holes" if closed.caps > 1 else "closed a hole")
     if closed.leaf.any():
         notes.append(f"{int(closed.leaf.sum())} of its faces do not enclose a volume and stay unchanged")
-    closed_mesh = _closed_mesh(used, closed)
+    closed_mesh = _close_mesh(used, closed)
     leaves = replace(
         used.with_faces(closed.leaf),
         vertices=closed_mesh.vertices,
@@ -68,7 +68,7 @@ def solid_from_mesh(mesh: Mesh) -> Solid | str:
     return Solid(manifold, closed_mesh, closed.made, leaves, number, tuple(notes))
 
 
-def _closed_mesh(mesh: Mesh, closed: ClosedSurface) -> Mesh:
+def _close_mesh(mesh: Mesh, closed: ClosedSurface) -> Mesh:
     """Returns the mesh with open sheets removed and holes capped. The caps interpolate the paint of their
     borders."""
     paint = mesh.paint

@@ -120,10 +120,10 @@ def _layer_at(project: Project, layer: GraphLayer, count: int, time: float) -> _
     at = layer.moment(time, stream.duration)
     weight = 0.0 if layer.muted else at.weight * layer.weight
     if weight > 0.0:
-        maps, places = _recorded_maps_at(stream, layer.nodes, at.second)
+        maps, places = _compute_recorded_maps_at(stream, layer.nodes, at.second)
         if at.share > 0.0:
             maps, places = _interpolate_maps(
-                (maps, places), _recorded_maps_at(stream, layer.nodes, at.other), at.share
+                (maps, places), _compute_recorded_maps_at(stream, layer.nodes, at.other), at.share
             )
         flip, axes = _MIRROR_SIGNS if layer.mirrored else np.ones(3), to_matrix(layer.axes)
         maps = axes @ (maps * flip * flip[:, None]) @ axes.T
@@ -137,19 +137,21 @@ def _part_maps_at(stream: PoseStream, part: GraphPart, time: float) -> tuple[Flo
     muted part they are taken from its first frame.
     """
     if part.muted:
-        return _recorded_maps_at(stream, part.nodes, 0.0)
+        return _compute_recorded_maps_at(stream, part.nodes, 0.0)
     at = part.moment(time, stream.duration)
-    recorded = _recorded_maps_at(stream, part.nodes, at.second)
+    recorded = _compute_recorded_maps_at(stream, part.nodes, at.second)
     if at.share > 0.0:
-        recorded = _interpolate_maps(recorded, _recorded_maps_at(stream, part.nodes, at.other), at.share)
+        recorded = _interpolate_maps(
+            recorded, _compute_recorded_maps_at(stream, part.nodes, at.other), at.share
+        )
     return (
         recorded
         if at.weight == 1.0
-        else _interpolate_maps(_recorded_maps_at(stream, part.nodes, 0.0), recorded, at.weight)
+        else _interpolate_maps(_compute_recorded_maps_at(stream, part.nodes, 0.0), recorded, at.weight)
     )
 
 
-def _recorded_maps_at(stream: PoseStream, nodes: Int, second: float) -> tuple[Float, Float]:
+def _compute_recorded_maps_at(stream: PoseStream, nodes: Int, second: float) -> tuple[Float, Float]:
     """Returns the recorded maps (K, 3, 3) and positions (K, 3) of ``nodes`` (K,), at the time ``second`` of
     the stream."""
     last = len(stream.positions) - 1

@@ -16,7 +16,7 @@ from enliven.document import (
     Project,
     Ride,
     character_from_graph_shape,
-    keyed_stream,
+    make_keyed_stream,
     unused,
 )
 from enliven.modeling.possessed.following import find_followers
@@ -83,7 +83,7 @@ class GraphRig(RigEdits):
         rest = shape.positions[own]
         layer = GraphLayer(name, np.arange(len(own)), own, rest)
         shape = shape.with_changes(over=(*shape.over, layer))
-        return project.with_streams(keyed_stream(name, rest, follow, [key])).with_characters(shape)
+        return project.with_streams(make_keyed_stream(name, rest, follow, [key])).with_characters(shape)
 
     def moved(self, shape: GraphCharacter, offset: Float, turn: Float, about: Float) -> GraphCharacter:
         """Moves the motion of the shape. Its rest pose does not change, and parts with a ride follow their

@@ -45,12 +45,14 @@ cells."""
 
 def stale(project: Project, shape: GraphCharacter) -> bool:
     """Returns True if a motion of a shape was computed from inputs that have changed since."""
-    return any(_motion_checksum(project, shape, n) != how.solved for n, _, how in _possessed_parts(shape))
+    return any(
+        _motion_checksum(project, shape, n) != how.solved for n, _, how in _find_possessed_parts(shape)
+    )
 
 
 def has_missing_motion(shape: GraphCharacter) -> bool:
     """Returns True if a motion of a shape is missing, for example after its file was damaged."""
-    return any(not how.solved for _, _, how in _possessed_parts(shape))
+    return any(not how.solved for _, _, how in _find_possessed_parts(shape))
 
 
 def solve_lost(project: Project, progress: Callable[[float], None] | None = None) -> Project:
@@ -68,7 +70,7 @@ def solve_lost(project: Project, progress: Callable[[float], None] | None = None
 def mark_as_solved(project: Project, shape_id: str) -> Project:
     """Marks the streams of a shape as computed from the current inputs."""
     shape, parts = project.graph(shape_id), list(project.graph(shape_id).parts)
-    for number, part, how in _possessed_parts(shape):
+    for number, part, how in _find_possessed_parts(shape):
         parts[number] = replace(
             part, possession=replace(how, solved=_motion_checksum(project, shape, number))
         )
@@ -82,7 +84,7 @@ def with_possession(project: Project, shape_id: str, possession: Possession) -> 
         InputError: if the shape does not exist, or performers moved no part of it.
     """
     shape = project.graph(shape_id)
-    for number, part, how in _possessed_parts(shape):
+    for number, part, how in _find_possessed_parts(shape):
         new_possession = replace(possession, rest=how.rest, solved=how.solved)
         parts = (*shape.parts[:number], replace(part, possession=new_possession), *shape.parts[number + 1 :])
         return project.with_characters(shape.with_changes(parts=parts))
@@ -145,7 +147,7 @@ def solve_again(
     shape = project.graph(shape_id)
     due = [
         entry
-        for entry in _possessed_parts(shape)
+        for entry in _find_possessed_parts(shape)
         if _motion_checksum(project, shape, entry[0]) != entry[2].solved
     ]
     parts = list(shape.parts)
@@ -172,7 +174,7 @@ def solve_again(
     return project
 
 
-def _possessed_parts(shape: GraphCharacter) -> list[tuple[int, GraphPart, Possession]]:
+def _find_possessed_parts(shape: GraphCharacter) -> list[tuple[int, GraphPart, Possession]]:
     """Returns the parts of a shape that performers moved, with their numbers."""
     parts = enumerate(shape.parts)
     return [(n, part, part.possession) for n, part in parts if part.possession is not None]

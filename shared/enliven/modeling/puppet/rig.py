@@ -18,10 +18,10 @@ from enliven.document import (
     character_from_puppet,
 )
 from enliven.examples.puppet_examples import find_missing_examples
-from enliven.examples.puppet_motion import pose_of_state, to_world_frame
+from enliven.examples.puppet_motion import convert_to_world_frame, pose_of_state
 from enliven.modeling.puppet.baking import bake_motion
 from enliven.modeling.puppet.dragging import drag_point
-from enliven.modeling.puppet.edits import checked_layer
+from enliven.modeling.puppet.edits import check_layer_number
 from enliven.modeling.puppet.merge import merge_puppets
 from enliven.modeling.puppet.parts import evaluate_puppet_state, surface_of_puppet
 from enliven.modeling.puppet.surgery import cut_puppet
@@ -56,7 +56,7 @@ class PuppetRig(RigEdits):
         def at(time: float) -> CharacterState:
             state = evaluate_puppet_state(project, puppet, time)
             pose = pose_of_state(puppet, state, round(time * 1e9))
-            return CharacterState(pose, to_world_frame(puppet, state, state.places))
+            return CharacterState(pose, convert_to_world_frame(puppet, state, state.places))
 
         return at
 
@@ -81,7 +81,7 @@ class PuppetRig(RigEdits):
 
         def at(time: float) -> Float:
             state = evaluate_puppet_state(project, puppet, time)
-            return to_world_frame(puppet, state, solver.solve_from_rest(state.places))
+            return convert_to_world_frame(puppet, state, solver.solve_from_rest(state.places))
 
         return at
 
@@ -96,7 +96,7 @@ class PuppetRig(RigEdits):
     def check_layers(self, project: Project, puppet: ExampleCharacter, numbers: set[int]) -> None:
         """Raises an error if constraints of the layers ``numbers`` contradict each other."""
         for number in numbers:
-            checked_layer(project, puppet, puppet.layers[number])
+            check_layer_number(project, puppet, puppet.layers[number])
 
     def drag_handle(
         self, project: Project, puppet: ExampleCharacter, handle: int, place: Float, time: float
@@ -155,12 +155,12 @@ def _with_mapped_axes(
         )
     return puppet.with_changes(
         poses=tuple(replace(pose, places=vectors(pose.places)) for pose in puppet.poses),
-        layers=tuple(_mapped_layer(layer, vectors) for layer in puppet.layers),
+        layers=tuple(_map_layer(layer, vectors) for layer in puppet.layers),
         symmetry=plane,
     )
 
 
-def _mapped_layer(layer: PuppetLayer, map_of: Callable[[AnyArray], Float]) -> PuppetLayer:
+def _map_layer(layer: PuppetLayer, map_of: Callable[[AnyArray], Float]) -> PuppetLayer:
     """Returns a layer with its constraints in other axes or sizes. ``map_of`` maps the vector of each
     constraint."""
     return replace(

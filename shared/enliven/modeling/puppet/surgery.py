@@ -13,23 +13,23 @@ import numpy as np
 
 from enliven.arrays import Float, Int32
 from enliven.document import ControlPoint, ExampleCharacter, KeyPose, Project, PuppetLayer, unused
-from enliven.examples.puppet_motion import to_world_frame
+from enliven.examples.puppet_motion import convert_to_world_frame
 from enliven.modeling.mesh.cut_pieces import Piece
 from enliven.modeling.mesh.cut_surfaces import CutSurface
 from enliven.modeling.mesh.mesh_cut import Cut, cut_by_stroke
 from enliven.modeling.puppet.parts import (
     add_moment,
     align_puppet,
-    distinguishing_points,
     evaluate_puppet_state,
+    find_distinguishing_points,
+    find_nearest_paired,
     find_needed_points,
-    nearest_paired,
+    remove_ambiguous_poses,
+    remove_points_from,
     remove_symmetry_plane,
     sample_spread_vertices,
     solve_surfaces,
     surface_of_puppet,
-    without_ambiguous_poses,
-    without_points,
 )
 
 MAX_HALF_DEVIATION = 0.02
@@ -74,7 +74,7 @@ def cut_puppet(
     """
     puppet, messages = project.puppet(puppet_id), [] if notes is None else notes
     before, surface = evaluate_puppet_state(project, puppet, time), surface_of_puppet(puppet)
-    posed = to_world_frame(puppet, before, surface.solve_from_rest(before.places))
+    posed = convert_to_world_frame(puppet, before, surface.solve_from_rest(before.places))
     cut = cut_by_stroke(puppet.mesh, None, stroke, posed)
     messages.extend(cut.notes)
     off_id = unused(puppet_id, project.characters)
@@ -114,7 +114,7 @@ class _CutSide:
         piece: Piece,
     ) -> None:
         self._puppet, self._piece = puppet, piece
-        self._project, self._telling = project, distinguishing_points(project, self._puppet)
+        self._project, self._telling = project, find_distinguishing_points(project, self._puppet)
         self._old = piece.kept >= 0
         self._number = np.full(len(puppet.mesh.vertices), -1)
         self._number[piece.kept[self._old]] = np.flatnonzero(self._old)
@@ -138,7 +138,7 @@ class _CutSide:
         tolerance = MAX_HALF_DEVIATION * size
         first = np.array(begin, np.int64)
         added, worst = find_needed_points(half, self._was, self._old, first, _MAX_CUT_POINTS, tolerance)
-        leaders = nearest_paired(puppet.mesh, self._telling, [int(self._piece.kept[v]) for v in added])
+        leaders = find_nearest_paired(puppet.mesh, self._telling, [int(self._piece.kept[v]) for v in added])
         points, follow = list(own_layers), dict[str, str]()
         names = {point.name: point for point in puppet.points}
         for vertex, leader in zip(added, leaders, strict=True):
@@ -152,9 +152,7 @@ class _CutSide:
             if leader:
                 follow[point.name] = leader.name
         self._note_deviation(name, len(added), worst, size, notes)
-        checked, removed = without_ambiguous_poses(
-            self._project, self._puppet_with_points(half, name, points)
-        )
+        checked, removed = remove_ambiguous_poses(self._project, self._puppet_with_points(half, name, points))
         if removed:
             notes.append(
                 f"{name!r} has {removed} fewer key poses, since its own joints cannot distinguish them."
@@ -196,7 +194,9 @@ class _CutSide:
         for layer in self._puppet.layers:
             travels = layer.travel and feet <= names
             more = tuple(new for new, leader in follow.items() if leader in layer.points)
-            new_layer = without_points(replace(layer, points=(*layer.points, *more), travel=travels), names)
+            new_layer = remove_points_from(
+                replace(layer, points=(*layer.points, *more), travel=travels), names
+            )
             if new_layer.points or not layer.points:
                 out.append(new_layer)
         return tuple(out)

@@ -8,7 +8,7 @@ import numpy as np
 from enliven.document import STILL, Project, RiggedCharacter, unused
 from enliven.errors import InputError
 from enliven.modeling.mesh.mesh_cut import Cut, cut_across_bone
-from enliven.modeling.mesh.meshes import matching_bone_numbers, with_piece
+from enliven.modeling.mesh.meshes import match_bone_numbers, with_piece
 from enliven.modeling.rigged.bones import Bone, bone_number, check_fraction, list_bones, rebuild_shape
 from enliven.modeling.rigged.nodes import insert_node, new_name, split_bone
 from enliven.modeling.rigged.posed import (
@@ -120,8 +120,8 @@ def assign_cut_sides(
     # bone, they follow the lower half of that bone, and otherwise the root.
     first = lower.skeleton.names[0 if node in old_shape.skeleton.names else 1]
     return (
-        with_piece(upper, cut.near, matching_bone_numbers(old_shape, upper, node)),
-        with_piece(lower, cut.far, matching_bone_numbers(old_shape, lower, first)),
+        with_piece(upper, cut.near, match_bone_numbers(old_shape, upper, node)),
+        with_piece(lower, cut.far, match_bone_numbers(old_shape, lower, first)),
     )
 
 

@@ -21,7 +21,7 @@ from enliven.document import (
     clip_from_keys,
     unused,
 )
-from enliven.modeling.mesh.meshes import posed_vertices
+from enliven.modeling.mesh.meshes import compute_posed_vertices
 from enliven.modeling.rig import CharacterState, Merge, Player, RigEdits
 from enliven.modeling.rigged.axes import Axes, convert_mesh_axes
 from enliven.modeling.rigged.bones import list_bones, rebuild_shape
@@ -51,7 +51,7 @@ class ShapeRig(RigEdits):
     def seen(self, project: Project, shape: RiggedCharacter, time: float) -> Float:
         """Returns the vertices at a time, (V, 3) metres. For a shape without a mesh, returns its joints."""
         pose = pose_with_stretch(project, shape, time)
-        return pose.joints if shape.mesh is None else posed_vertices(shape, pose.linear, pose.joints)
+        return pose.joints if shape.mesh is None else compute_posed_vertices(shape, pose.linear, pose.joints)
 
     def surface(self, project: Project, shape: RiggedCharacter) -> Callable[[float], Float]:
         """Returns a function from a time to the vertices (V, 3) in metres. For a shape without a mesh, it
@@ -107,7 +107,7 @@ class ShapeRig(RigEdits):
             return shape.with_changes(place=shape.place + offset)
         modeling = np.array(shape.modeling)
         modeling[0] = normalized(multiply(turn, modeling[0]))
-        layers, travel = _turned_travel(shape, turn)
+        layers, travel = _turn_travel(shape, turn)
         return shape.with_changes(place=place, modeling=modeling, layers=layers, travel=travel)
 
     def scaled(self, shape: RiggedCharacter, factor: float) -> RiggedCharacter:
@@ -164,7 +164,7 @@ class ShapeRig(RigEdits):
         return merge_shapes(project, host.id, node, graft.id, merge.time, **how)[0]
 
 
-def _turned_travel(shape: RiggedCharacter, turn: Float) -> tuple[tuple[Layer, ...], str | None]:
+def _turn_travel(shape: RiggedCharacter, turn: Float) -> tuple[tuple[Layer, ...], str | None]:
     """Returns the layers with the root's path rotated, and the id of the travel layer. If the old travel
     layer also rotates bones, a new travel layer is added."""
     if shape.travel is None:

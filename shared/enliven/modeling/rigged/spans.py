@@ -66,7 +66,7 @@ def join_consecutive_spans(
     """
     first = lower[0]
     turned = multiply(between, np.array(first.before))
-    lower = (replace(first, before=exact_rotation(turned)), *lower[1:])
+    lower = (replace(first, before=compute_exact_rotation(turned)), *lower[1:])
     return _merge_neighbours(
         (*_scale_shares(upper, upper_fraction), *_scale_shares(lower, 1.0 - upper_fraction))
     )
@@ -85,7 +85,7 @@ def has_motion(spans: Spans) -> bool:
     return any(span.refs for span in spans)
 
 
-def exact_rotation(turn: Float) -> tuple[float, float, float, float]:
+def compute_exact_rotation(turn: Float) -> tuple[float, float, float, float]:
     """Returns a rotation (w, x, y, z) as a tuple, as spans store it. A rotation that differs from the
     identity only by rounding becomes the exact identity."""
     w, x, y, z = canonical(normalized(turn)).tolist()

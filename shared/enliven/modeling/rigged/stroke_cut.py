@@ -12,7 +12,12 @@ from enliven.document import Project, RiggedCharacter
 from enliven.errors import InputError
 from enliven.modeling.mesh.cut_surfaces import CutSurface
 from enliven.modeling.mesh.mesh_cut import cut_by_stroke
-from enliven.modeling.mesh.meshes import divide_by_bones, matching_bone_numbers, posed_vertices, with_piece
+from enliven.modeling.mesh.meshes import (
+    compute_posed_vertices,
+    divide_by_bones,
+    match_bone_numbers,
+    with_piece,
+)
 from enliven.modeling.rigged.cutting import split_shape
 from enliven.modeling.rigged.posed import pose_with_stretch
 
@@ -68,14 +73,16 @@ def cut_shape_along_stroke(
         edited = edited.with_characters(upper, lower)
         lowers.append(lower)
     if shape.mesh is not None and shape.skin is not None:
-        cut = cut_by_stroke(shape.mesh, shape.skin, stroke, posed_vertices(shape, pose.linear, pose.joints))
+        cut = cut_by_stroke(
+            shape.mesh, shape.skin, stroke, compute_posed_vertices(shape, pose.linear, pose.joints)
+        )
         near, far = (cut.near, cut.far) if crossings[0].near else (cut.far, cut.near)
         pieces = divide_by_bones(far, [shape.skeleton.below(crossing.bone) for crossing in crossings])
         nodes = [lower.skeleton.names[0] for lower in lowers]
         upper = with_piece(upper, near, _upper_numbers(shape, upper, crossings, nodes))
         for k, (lower, piece) in enumerate(zip(lowers, pieces, strict=True)):
             if piece is not None:
-                numbers = matching_bone_numbers(shape, lower, shape.skeleton.names[crossings[k].bone])
+                numbers = match_bone_numbers(shape, lower, shape.skeleton.names[crossings[k].bone])
                 lowers[k] = with_piece(lower, piece, numbers)
         if notes is not None:
             notes.extend(cut.notes)
@@ -131,7 +138,7 @@ def _upper_numbers(
     """Returns for each old bone the number (N,) of its bone in the upper shape. Bones that were cut off map
     to the remaining half of the cut bone.
     """
-    numbers = matching_bone_numbers(old_shape, upper, nodes[0])
+    numbers = match_bone_numbers(old_shape, upper, nodes[0])
     for crossing, node in zip(crossings, nodes, strict=True):
         numbers[list(old_shape.skeleton.below(crossing.bone))] = upper.skeleton.index(node)
     return np.asarray(numbers)

@@ -56,7 +56,7 @@ class _Tracer:
         is_pruned, tips = self._prune_bumps()
         remaining = [t for t in range(len(self.triangles)) if not is_pruned[t]]
         if not remaining:
-            return self._single_bone_axis()
+            return self._make_single_bone_axis()
         for t in remaining:
             open_sides = [k for k in range(3) if self.beside[t, k] >= 0 and not is_pruned[self.beside[t, k]]]
             nodes = [self._chord_node(t, k) for k in open_sides]
@@ -68,7 +68,7 @@ class _Tracer:
             elif len(nodes) == 1:
                 self._add_end(t, nodes[0], closed, tips)
         if len(remaining) == 1:
-            return self._single_bone_axis()
+            return self._make_single_bone_axis()
         return self._link_chains()
 
     def _prune_bumps(self) -> tuple[list[bool], dict[int, list[int]]]:
@@ -122,7 +122,7 @@ class _Tracer:
             self.links.append((node, at))
         self.tips[at] = region
 
-    def _single_bone_axis(self) -> Axis:
+    def _make_single_bone_axis(self) -> Axis:
         """Returns the axis of an outline without limbs: a single bone along its longest extent."""
         middle = self.outline.mean(0)
         spread = (self.outline - middle).T @ (self.outline - middle)
@@ -153,7 +153,7 @@ class _Tracer:
                 used |= {(chain[0], chain[1]), (chain[-1], chain[-2])}
                 chains.append(self._straighten_to_tip(self._straighten_to_tip(chain[::-1])[::-1]))
         if not chains:
-            return self._single_bone_axis()
+            return self._make_single_bone_axis()
         axis = Axis(np.array(self.points), np.array(self.radii), chains)
         for chain in chains:
             axis.points[chain] = smooth(axis.points[chain])

@@ -37,15 +37,15 @@ def trace_outline(stroke: Float, count: int, smooth: int = 2) -> Float:
     if len(points) < 3:
         raise InputError("it is a dot or a line", where=_ERROR_PLACE, remedy="Draw the outline of the part.")
     dense = _resample_polyline(points, 2 * count, closed=False)
-    crossings = _crossing_segments(dense, closed=False)
+    crossings = _find_crossing_segments(dense, closed=False)
     if len(crossings):
-        dense = _without_ends(dense, crossings)
+        dense = _remove_ends(dense, crossings)
     even = _resample_polyline(_drop_repeated_points(dense, 1e-6 * extent), count, closed=True)
     # Smoothing can make a thin tip cross itself. In that case, smooth fewer times.
     points = even
     for times in range(smooth, -1, -1):
         points = _smooth_points(even, times)
-        if len(_crossing_segments(points, closed=True)) == 0:
+        if len(_find_crossing_segments(points, closed=True)) == 0:
             break
     else:
         raise InputError(
@@ -84,7 +84,7 @@ def _resample_polyline(points: Float, count: int, closed: bool) -> Float:
     return np.stack([np.interp(at, along, path[:, k]) for k in range(2)], 1)
 
 
-def _crossing_segments(points: Float, closed: bool) -> Float:
+def _find_crossing_segments(points: Float, closed: bool) -> Float:
     """Returns (K, 2) pairs of crossing segments, the earlier segment first. Each value is the number of the
     segment plus the position along it (0 to 1)."""
     ends = np.roll(points, -1, 0) if closed else points[1:]
@@ -96,7 +96,10 @@ def _crossing_segments(points: Float, closed: bool) -> Float:
 
 @njit(cache=True, nogil=True)
 def _crossing_kernel(starts, ends, closed):
-    """Finds the pairs for :func:`_crossing_segments` (kernel). Segments that share an end do not cross."""
+    """Finds the pairs for :func:`_find_crossing_segments` (kernel).
+
+    Segments that share an end do not cross.
+    """
     crossings = [(0.0, 0.0) for _ in range(0)]
     count = starts.shape[0]
     for i in range(count):
@@ -117,7 +120,7 @@ def _crossing_kernel(starts, ends, closed):
     return crossings
 
 
-def _without_ends(points: Float, crossings: Float) -> Float:
+def _remove_ends(points: Float, crossings: Float) -> Float:
     """Returns the points (N, 2) of the stroke between its two passages through the point where its ends
     cross."""
     count = len(points) - 1

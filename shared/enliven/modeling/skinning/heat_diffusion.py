@@ -24,7 +24,7 @@ from enliven.document import Skeleton, SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh, face_areas, weld
 from enliven.modeling.skinning.skin_values import keep_largest_weights
-from enliven.modeling.skinning.visibility import nearest_seen
+from enliven.modeling.skinning.visibility import find_nearest_seen
 
 _HEAT = 2.0
 """Factor c of the heat H. Lower values give softer transitions around joints."""
@@ -75,8 +75,8 @@ def heat_weights(
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
         raise InputError("the mesh has no faces, or positions that are not finite", where=mesh.name)
     welded, of = weld(mesh)
-    chosen, distance = nearest_seen(
-        welded.vertices, outward_normals(welded), welded.faces, segments, _TIE_FRACTION
+    chosen, distance = find_nearest_seen(
+        welded.vertices, compute_outward_normals(welded), welded.faces, segments, _TIE_FRACTION
     )
     laplacian, mass = cotangent_laplacian(welded.vertices, welded.faces)
     _take_nearest_where_hidden(welded, laplacian, segments, chosen, distance)
@@ -124,7 +124,7 @@ def cotangent_laplacian(vertices: Float, faces: Int32) -> tuple[csc_matrix, Floa
     return csc_matrix(diags(degree) - laplacian), np.maximum(mass, 1e-12 * float(mass.max() or 1.0))
 
 
-def outward_normals(welded: Mesh) -> Float:
+def compute_outward_normals(welded: Mesh) -> Float:
     """Returns (V, 3) unit normals that point out of the volume, even if the mesh is inside out."""
     a, b, c = (welded.vertices[welded.faces[:, k]] for k in range(3))
     inside_out = np.einsum("ij,ij->", a - welded.vertices.mean(0), np.cross(b - a, c - a)) < 0

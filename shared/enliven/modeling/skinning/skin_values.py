@@ -11,7 +11,7 @@ from enliven.arrays import AnyArray, Float
 from enliven.document import SkinWeights
 
 
-def dense_weights(skin: SkinWeights, bones: int) -> Float:
+def make_dense_weights(skin: SkinWeights, bones: int) -> Float:
     """Returns the weight (V, bones) of every bone at every vertex."""
     out = np.zeros((len(skin.indices), bones))
     rows = np.repeat(np.arange(len(out)), 4)

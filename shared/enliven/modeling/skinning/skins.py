@@ -22,7 +22,7 @@ def renumber_bones(skin: SkinWeights, numbers: Int) -> SkinWeights:
     return SkinWeights(indices, weights)
 
 
-def shared_skin(skin: SkinWeights, upper: int, lower: int, part: Float) -> SkinWeights:
+def merge_skins(skin: SkinWeights, upper: int, lower: int, part: Float) -> SkinWeights:
     """Moves the fraction ``part`` (V,) in [0, 1] of the skin of bone ``lower`` to bone ``upper``.
 
     If a vertex already follows four bones, all of the weight goes to the bone with the larger fraction.

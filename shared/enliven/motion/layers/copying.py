@@ -125,7 +125,7 @@ def _overlay_spans(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span,
     """
     own_spans = _span_intervals(spans)
     bounds = [x for a, b, _ in own_spans for x in (a, b)] + [x for a, b, _ in pieces for x in (a, b)]
-    cuts = _distinct_places([min(max(x, 0.0), 1.0) for x in bounds])
+    cuts = _find_distinct_places([min(max(x, 0.0), 1.0) for x in bounds])
     overlaid: list[Span] = []
     for i, low in enumerate(cuts):
         # Copy the pieces of zero length at this position, which is a joint. At the end of a bone, such pieces
@@ -163,7 +163,7 @@ def _cut_reference(ref: Ref, start: float, end: float, low: float, high: float) 
     return Ref(ref.layer, first, last)
 
 
-def _distinct_places(places: list[float]) -> list[float]:
+def _find_distinct_places(places: list[float]) -> list[float]:
     """Returns the positions in ascending order, without duplicates within the rounding tolerance. 0 and 1 are
     exact.
     """

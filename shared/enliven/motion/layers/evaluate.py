@@ -118,8 +118,8 @@ class Player:
 
     def sample(self, times: AnyArray) -> tuple[Float, Float]:
         """Returns (T, N, 4) rotations D_j and (T, N, 3) joints in metres at times (T,) in seconds."""
-        times = _checked_times(times)
-        turns, joints = self._unpinned_pose(times)
+        times = _check_times(times)
+        turns, joints = self._compute_unpinned_pose(times)
         standing = self.foot_lock()
         if standing is not None:
             window_times = standing.window.fold_times(times)
@@ -132,7 +132,7 @@ class Player:
         """Returns the linear maps D_j U_j (T, N, 3, 3) at times (T,), for the rotations D_j (T, N, 4) of
         :meth:`sample`.
         """
-        maps, stretch = to_matrix(turns), self._bone_stretch(_checked_times(times))
+        maps, stretch = to_matrix(turns), self._bone_stretch(_check_times(times))
         return maps if stretch is None else np.asarray(maps @ stretch)
 
     def _bone_stretch(self, times: Float) -> Float | None:
@@ -157,9 +157,9 @@ class Player:
 
     def sample_unpinned(self, times: AnyArray) -> tuple[Float, Float]:
         """Returns the same as :meth:`sample`, but without pinned feet."""
-        return self._unpinned_pose(_checked_times(times))
+        return self._compute_unpinned_pose(_check_times(times))
 
-    def _unpinned_pose(self, times: Float) -> tuple[Float, Float]:
+    def _compute_unpinned_pose(self, times: Float) -> tuple[Float, Float]:
         knots, skeleton = self._sampler.knots(times), self.shape.skeleton
         rotations, root = self._sampler.animation_rotations(knots), self._travel.at(times)
         turns, joints = np.empty_like(rotations), np.empty((*rotations.shape[:2], 3))
@@ -176,11 +176,11 @@ class Player:
         """Returns the animation rotations a_j (T, N, 4) at times (T,), which are computed from the layers
         without the modeling rotations.
         """
-        return self._sampler.animation_rotations(self._sampler.knots(_checked_times(times)))
+        return self._sampler.animation_rotations(self._sampler.knots(_check_times(times)))
 
     def root(self, times: AnyArray) -> Float:
         """Returns the position (T, 3) in metres of the root joint at times (T,)."""
-        return self._travel.at(_checked_times(times))
+        return self._travel.at(_check_times(times))
 
     def feed(self, take: str, turns: Float, root: Float) -> None:
         """Replaces a take by a live frame at all times. The layers of the take stay unchanged.
@@ -225,5 +225,5 @@ class Player:
         return {names[pin.chain[-1]]: contacts for pin, contacts in (standing.pins if standing else ())}
 
 
-def _checked_times(times: AnyArray) -> Float:
+def _check_times(times: AnyArray) -> Float:
     return np.ascontiguousarray(np.atleast_1d(times), np.float64)

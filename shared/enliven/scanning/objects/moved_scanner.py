@@ -108,7 +108,7 @@ class MovedScanner:
             if followed is not None:
                 return followed
         if rest is not None:
-            step = rest.scanner.add(frame, up, self._doubtful_pixels(rest, frame))
+            step = rest.scanner.add(frame, up, self._find_doubtful_pixels(rest, frame))
             if step.state is not ScanState.LOST:
                 if not rest.has_moved(step):
                     self._trial = None
@@ -120,7 +120,7 @@ class MovedScanner:
                     return self._step_result(step, ObjectState.LOST, None)
         return self._try_resting(frame, up)
 
-    def _doubtful_pixels(self, rest: ObjectRest, frame: DepthFrame) -> ExcludedPixels | None:
+    def _find_doubtful_pixels(self, rest: ObjectRest, frame: DepthFrame) -> ExcludedPixels | None:
         """Returns the pixels of the object. It may begin to move, so the camera tracking may have to ignore
         them.
         """
@@ -294,14 +294,14 @@ class MovedScanner:
     def _place_rest(self, rest: ObjectRest) -> bool:
         """Searches for the object in a rest. Returns True if it was found."""
         rest.search_objects(0)
-        model = self._scanned_object() if rest.parts else None
+        model = self._make_scanned_object() if rest.parts else None
         if model is None:
             return False
         size = np.linalg.norm(np.ptp(model.surface.points, axis=0))
         for number, part in enumerate(rest.parts):
             if np.linalg.norm(np.ptp(part.bounds, axis=0)) > _MAX_SIZE_RATIO * size:
                 continue
-            registration = register_part(model, rest.scanned_surface(number))
+            registration = register_part(model, rest.find_scanned_surface(number))
             if registration is not None:
                 rest.object_from_room = registration.model_from_part
                 rest.choose_part(number)
@@ -309,7 +309,7 @@ class MovedScanner:
                 return True
         return False
 
-    def _scanned_object(self) -> ScannedSurface | None:
+    def _make_scanned_object(self) -> ScannedSurface | None:
         """Returns the known surface of the object from all rests in which it was found; None if no surface is
         known.
         """

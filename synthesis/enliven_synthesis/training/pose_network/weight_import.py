@@ -66,9 +66,9 @@ def restore_network(path: Path, dataset: Dataset, first: int) -> PoseNetwork:
     biases = {}
     for name, layer in network.named_modules():
         if isinstance(layer, (nn.Conv2d, nn.Linear)):
-            layer.weight.data = _checked_weights(weights, f"{name}.weight", tuple(layer.weight.shape), path)
+            layer.weight.data = _check_weights(weights, f"{name}.weight", tuple(layer.weight.shape), path)
             bias = f"{name}.bias" if layer.bias is not None else f"{name}.weight_bias"
-            biases[name] = _checked_weights(weights, bias, (layer.weight.shape[0],), path)
+            biases[name] = _check_weights(weights, bias, (layer.weight.shape[0],), path)
             if layer.bias is not None:
                 layer.bias.data = biases[name]
     hooks = [
@@ -129,7 +129,7 @@ def _read_weights(path: Path) -> dict[str, Float32]:
     return weights
 
 
-def _checked_weights(weights: dict[str, Float32], name: str, shape: tuple[int, ...], path: Path) -> Tensor:
+def _check_weights(weights: dict[str, Float32], name: str, shape: tuple[int, ...], path: Path) -> Tensor:
     """Returns the weights with a name, after checking their shape.
 
     Raises:

@@ -11,7 +11,7 @@ from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.edits import copy_character, move_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut, StrokeCut
-from enliven.modeling.mesh.meshes import posed_vertices
+from enliven.modeling.mesh.meshes import compute_posed_vertices
 from enliven.modeling.rigged.cutting import cut_bone
 from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
@@ -30,7 +30,7 @@ def arm():
 def surface(project, shape_id, time):
     shape = project.shape(shape_id)
     pose = pose_with_stretch(project, shape, time)
-    return posed_vertices(shape, pose.linear, pose.joints)
+    return compute_posed_vertices(shape, pose.linear, pose.joints)
 
 
 def volume(vertices, faces):

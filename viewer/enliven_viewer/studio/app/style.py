@@ -196,7 +196,7 @@ def draw_note(text: str) -> None:
         imgui.pop_text_wrap_pos()
 
 
-def to_screen_pixels(width: float, height: float) -> tuple[int, int]:
+def convert_to_screen_pixels(width: float, height: float) -> tuple[int, int]:
     """Returns the size in screen pixels for a size in logical pixels. It is at least 1."""
     scale = imgui.get_io().display_framebuffer_scale.y
     return max(round(width * scale), 1), max(round(height * scale), 1)

@@ -16,7 +16,7 @@ from enliven.formats.gltf.read import read_gltf
 from enliven.formats.project.file import read_project
 from enliven.formats.project.one_character import project_of_mesh
 from enliven.formats.rig.rig import Rig, scale_to_height
-from enliven.mapping.model_clips import clip_to_open, own_clips, play_own_clip, played_clip
+from enliven.mapping.model_clips import clip_to_open, find_played_clip, list_own_clips, play_own_clip
 from enliven.meshes import GLTF_SUFFIXES, Mesh, fit_height, load_mesh
 from enliven.modeling.edits import compute_vertices, get_rig_edits, move_character, paste_character
 from enliven.modeling.puppet.edits import make_puppet
@@ -166,7 +166,7 @@ def _make_clip_note(project: Project, shape_id: str) -> str:
     clips.
     """
     shape = project.shape(shape_id)
-    clips, played = own_clips(project, shape), played_clip(project, shape)
+    clips, played = list_own_clips(project, shape), find_played_clip(project, shape)
     if played is None:
         return tr("{0} takes came with it.", len(clips)) if clips else ""
     more = tr(" {0} clips came with it: choose one at the right.", len(clips)) if len(clips) > 1 else ""

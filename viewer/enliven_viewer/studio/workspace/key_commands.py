@@ -37,7 +37,7 @@ class KeyCommands:
         """Returns the reason why no key can be set, or an empty text if a key can be set."""
         return "" if self._find_subject()[0] else "Nothing is chosen. Click a shape, or a node of it, first."
 
-    def lacks_key(self) -> str:
+    def describe_missing_key(self) -> str:
         """Returns the reason why no key can be removed, or an empty text if a key can be removed."""
         reason = self.lacks()
         return reason or ("" if self._find_key_at_playhead() is not None else "No key is at the playhead.")

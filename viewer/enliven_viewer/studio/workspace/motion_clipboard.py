@@ -67,7 +67,7 @@ class MotionClipboard:
 
         self._begin(tr("Possessing {0} again", name), work, later("solve again {0}", name), shape)
 
-    def lacks_copy(self) -> str:
+    def describe_missing_copy(self) -> str:
         """Returns the reason why copying motion is unavailable, or an empty text if it is available."""
         if self._find_performed_mesh() is not None or find_selected_chain(self.editor):
             return ""
@@ -76,7 +76,7 @@ class MotionClipboard:
             "then Shift-click its end."
         )
 
-    def lacks_paste(self) -> str:
+    def describe_missing_paste(self) -> str:
         """Returns the reason why pasting motion is unavailable, or an empty text if it is available."""
         if self._performed is not None:
             return (
@@ -89,7 +89,7 @@ class MotionClipboard:
         advice = "No chain is chosen. Click the joint where it begins, then Shift-click its end."
         return "" if find_selected_chain(self.editor) else advice
 
-    def lacks_possessed(self) -> str:
+    def describe_missing_possessed(self) -> str:
         """Returns the reason why solving a possession again is unavailable, or an empty text if it is
         available.
         """

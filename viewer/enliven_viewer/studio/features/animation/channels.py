@@ -175,7 +175,7 @@ def find_value_scale(project: Project, subject: CurveSubject, group: str, time: 
         return float(getattr(layer, "weight", 1.0)) or 1.0
     plain: dict[str, Any] = {"speeds": ()}
     return (
-        _find_speed(replace(layer, **plain), layer.to_unwarped_time(time), project.length_of(layer))
+        _find_speed(replace(layer, **plain), layer.convert_to_unwarped_time(time), project.length_of(layer))
         or layer.speed
     )
 

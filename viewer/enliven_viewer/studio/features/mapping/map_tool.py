@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from enliven.document import Project, RiggedCharacter
 from enliven.errors import EnlivenError, InputError
 from enliven.mapping.automatic_mapping import RetargetedShape, create_automatic_plan, play_own_take, retarget
-from enliven.mapping.model_clips import is_own_take, loop_takes, mute_takes, own_clips, played_clip
+from enliven.mapping.model_clips import find_played_clip, is_own_take, list_own_clips, loop_takes, mute_takes
 from enliven.mapping.plan import Plan
 from enliven.mapping.quality import MotionQuality, measure_quality
 from enliven.mapping.softening import soften_plan
@@ -176,7 +176,7 @@ class MapTool(Tool):
                 retargeted = play_own_take(still_shape, clip, still)
             else:
                 used_plan = soften_plan(plan, clip, still_shape) if gentle else plan
-                clips = [project.takes[name] for name in own_clips(project, project.shape(shape.id))]
+                clips = [project.takes[name] for name in list_own_clips(project, project.shape(shape.id))]
                 retargeted = retarget(still_shape, clip, used_plan, still, clips)
             return (
                 replace(retargeted, project=loop_takes(retargeted.project, shape.id)) if loop else retargeted
@@ -262,5 +262,5 @@ def _remove_clip(project: Project, shape_id: str) -> Project:
 
     Otherwise new motion would be added to the clip's motion.
     """
-    plays = played_clip(project, project.shape(shape_id)) is not None
+    plays = find_played_clip(project, project.shape(shape_id)) is not None
     return mute_takes(project, shape_id) if plays else project

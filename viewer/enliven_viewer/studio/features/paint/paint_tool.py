@@ -107,7 +107,7 @@ class PaintTool(Tool):
         name = self.editor.selection.character or ""
         self.editor.edit("clear the paint", lambda project: unpaint_character(project, name))
 
-    def lacks_paint(self) -> str:
+    def describe_missing_paint(self) -> str:
         """Returns the reason why no paint can be cleared, with advice, or an empty text if there is paint."""
         character = self.editor.find_selected()
         if character is None or character.mesh is None or character.mesh.stiffness is None:

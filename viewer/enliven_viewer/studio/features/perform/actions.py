@@ -135,33 +135,33 @@ PERFORM_ACTIONS = (
         "Put the chosen character on the stage",
         "ctrl+enter",
         PerformSession.put_on_stage,
-        why_not=PerformSession.lacks_to_put,
+        why_not=PerformSession.describe_missing_to_put,
         apart=True,
     ),
     PerformAction(
         "Remove the character from the stage",
         "",
         PerformSession.remove_from_stage,
-        why_not=PerformSession.lacks_to_take_off,
+        why_not=PerformSession.describe_missing_to_take_off,
     ),
     PerformAction(
         "Record, or end the recording",
         "ctrl+r",
         lambda session: session.recording.toggle(),
-        why_not=PerformSession.lacks_edge,
+        why_not=PerformSession.describe_missing_edge,
         apart=True,
     ),
     PerformAction(
         "Record again from where it began",
         "",
         lambda session: session.recording.record_again(),
-        why_not=PerformSession.lacks_edge,
+        why_not=PerformSession.describe_missing_edge,
     ),
     PerformAction(
         "Record an alternative take",
         "ctrl+shift+r",
         lambda session: session.recording.record_again(keeps_last=True),
-        why_not=PerformSession.lacks_recording,
+        why_not=PerformSession.describe_missing_recording,
     ),
     PerformAction(
         "Recordings begin here",
@@ -186,14 +186,16 @@ PERFORM_ACTIONS = (
         "x",
         _require_live_stage(LiveStage.scale_by_hands),
         _LIVE_WORKSPACES,
-        why_not=PerformSession.lacks_edge,
+        why_not=PerformSession.describe_missing_edge,
     ),
     PerformAction(
         "Reset its size",
         "z",
         lambda session: session.live and session.sizes.reset(session.target, session.live.feed.ask),
         _LIVE_WORKSPACES,
-        why_not=lambda session: session.lacks_edge() or session.sizes.lacks_size(session.target),
+        why_not=lambda session: (
+            session.describe_missing_edge() or session.sizes.describe_missing_size(session.target)
+        ),
     ),
     *(
         PerformAction(
@@ -225,7 +227,7 @@ PERFORM_ACTIONS = (
         "Open or close the microphone",
         "",
         lambda session: session.voice.toggle(session.client),
-        why_not=PerformSession.lacks_voice,
+        why_not=PerformSession.describe_missing_voice,
         is_on=lambda session: session.voice.is_on,
         about="Spoken commands: the Perform panel shows what was heard, and lists the phrases.",
     ),
@@ -234,7 +236,7 @@ PERFORM_ACTIONS = (
             f"Physics: {label}",
             "",
             lambda session, number=number: session.physics.ask(session.client, number),
-            why_not=PerformSession.lacks_physics,
+            why_not=PerformSession.describe_missing_physics,
             is_on=lambda session, number=number: session.physics.number == number,
             group="Physics",
         )

@@ -49,7 +49,7 @@ class CharacterSizes:
         """Returns the scale factor of a character on the stage, relative to its original size."""
         return self._edge_sizes[name].size if name in self._edge_sizes else 1.0
 
-    def wanted_size(self, name: str) -> float:
+    def compute_wanted_size(self, name: str) -> float:
         """Returns the scale factor that a character of the project should have on the stage."""
         return self._editor.project.handling.get(name, FREE).size
 
@@ -72,8 +72,8 @@ class CharacterSizes:
                 continue
             if name in before and before[name].body >= 0:
                 self._store_size(name)
-            elif abs(self.find_size(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
-                size = self.wanted_size(name)
+            elif abs(self.find_size(name) / self.compute_wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
+                size = self.compute_wanted_size(name)
                 self._send_value(client, Resize("set", name, size=size), size)
 
     def forget(self) -> None:
@@ -87,13 +87,14 @@ class CharacterSizes:
         elif name is not None:
             ask(Resize("set", name))
 
-    def lacks_size(self, name: str | None) -> str:
+    def describe_missing_size(self, name: str | None) -> str:
         """Returns the reason why the size cannot be reset, with advice, or an empty text if it
         can be reset.
         """
         if (
             name is not None
-            and max(abs(self.find_size(name) - 1.0), abs(self.wanted_size(name) - 1.0)) > _SIZE_TOLERANCE
+            and max(abs(self.find_size(name) - 1.0), abs(self.compute_wanted_size(name) - 1.0))
+            > _SIZE_TOLERANCE
         ):
             return ""
         return "It already has its original size. Scale it with both hands first"
@@ -115,7 +116,7 @@ class CharacterSizes:
 
     def _store_size(self, name: str) -> None:
         """Stores a size that was set by a gesture as an edit of the project."""
-        if abs(self.find_size(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
+        if abs(self.find_size(name) / self.compute_wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
             self._edit(name, self.find_size(name))
 
     def _edit(self, name: str, size: float) -> None:

@@ -75,7 +75,13 @@ class PerformSession:
         self._live_overlay = LiveOverlay(editor)
         self.secondary_edges: list[SecondaryEdge] = []
         self.recording = StageRecording(
-            *(editor, lambda: self.live, lambda: self.connected, self._check_availability, self.lacks_edge),
+            *(
+                editor,
+                lambda: self.live,
+                lambda: self.connected,
+                self._check_availability,
+                self.describe_missing_edge,
+            ),
             self.secondary_edges,
         )
         self.close_up = CloseUp(editor)
@@ -368,7 +374,7 @@ class PerformSession:
 
     # Characters on the stage ------------------------------------------------------------------------------
 
-    def lacks_edge(self) -> str:
+    def describe_missing_edge(self) -> str:
         """Returns the reason why no edge can be used, with advice, or an empty text if an edge
         can be used.
         """
@@ -378,45 +384,50 @@ class PerformSession:
             return tr("{0}. Wait until a person is seen", self.live.preparation_text)
         return "The stage is silent. Check that its camera's program runs"
 
-    def lacks_voice(self) -> str:
+    def describe_missing_voice(self) -> str:
         """Returns the reason why the microphone cannot be switched, with advice, or an empty
         text if it can.
         """
-        return self.lacks_edge() or (self.voice.status if self.voice.state is None else "")
+        return self.describe_missing_edge() or (self.voice.status if self.voice.state is None else "")
 
-    def lacks_physics(self) -> str:
+    def describe_missing_physics(self) -> str:
         """Returns the reason why the physics cannot be switched, with advice, or an empty text
         if they can.
         """
-        return self.lacks_edge() or (self.physics.state_text if self.physics.state is None else "")
+        return self.describe_missing_edge() or (self.physics.state_text if self.physics.state is None else "")
 
-    def lacks_recording(self) -> str:
+    def describe_missing_recording(self) -> str:
         """Returns the reason why no alternative of the last recording can be recorded, with advice. The text
         is empty if this is possible.
         """
         last = self.recording.last_recording or self.recording.phase == "recording"
-        return self.lacks_edge() or ("" if last else "Nothing was recorded yet. Record first")
+        return self.describe_missing_edge() or ("" if last else "Nothing was recorded yet. Record first")
 
-    def lacks_to_put(self) -> str:
+    def describe_missing_to_put(self) -> str:
         """Returns the reason why the selected character cannot be put on the stage, with advice. The text is
         empty if it can.
         """
         character = self.editor.find_selected()
         if character is None:
-            return self.lacks_edge() or "Nothing is chosen. Click the character that you want to perform"
+            return (
+                self.describe_missing_edge()
+                or "Nothing is chosen. Click the character that you want to perform"
+            )
         no_surface_text = "It has no surface, so it cannot be performed" if character.mesh is None else ""
-        return self.lacks_edge() or no_surface_text
+        return self.describe_missing_edge() or no_surface_text
 
-    def lacks_to_take_off(self) -> str:
+    def describe_missing_to_take_off(self) -> str:
         """Returns the reason why the selected character cannot leave the stage, with advice, or an empty
         text if it can.
         """
         is_on_stage = self.editor.selection.character in self.stage_ids
-        return self.lacks_edge() or ("" if is_on_stage else "It is not on the stage. Choose one that is")
+        return self.describe_missing_edge() or (
+            "" if is_on_stage else "It is not on the stage. Choose one that is"
+        )
 
     def put_on_stage(self) -> None:
         """Puts the selected character on the stage, where it follows every edit."""
-        if self._check_availability(self.lacks_to_put()) and self.stage is not None:
+        if self._check_availability(self.describe_missing_to_put()) and self.stage is not None:
             self.sender.send(self.stage, self.editor.project, self.editor.selection.character or "")
 
     def put_when_ready(self, name: str) -> None:
@@ -444,7 +455,10 @@ class PerformSession:
 
     def remove_from_stage(self, name: str = "") -> None:
         """Removes a character from the stage, by default the selected character."""
-        if self._check_availability("" if name else self.lacks_to_take_off()) and self.stage is not None:
+        if (
+            self._check_availability("" if name else self.describe_missing_to_take_off())
+            and self.stage is not None
+        ):
             self.sender.remove(self.stage, name or self.editor.selection.character or "")
 
     def _check_availability(self, lacking: str) -> bool:

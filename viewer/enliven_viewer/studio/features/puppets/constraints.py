@@ -14,8 +14,8 @@ from enliven_viewer.studio.puppets.example_edits import (
     describe_constraint,
     find_layer_number,
     list_constraints,
+    remove_constraint_from,
     with_constraint,
-    without_constraint,
 )
 
 _REMOVE_ICON = "\uf00d"
@@ -84,5 +84,5 @@ def _draw_constraint_row(
             editor.scrub(puppet.layers[number].time_of(held.frame * take.step, take.duration))
         imgui.same_line(width - 12)
         if imgui.small_button(f"{_REMOVE_ICON}##held {row}"):
-            editor.edit("let go", lambda project: without_constraint(project, puppet.id, number, held))
+            editor.edit("let go", lambda project: remove_constraint_from(project, puppet.id, number, held))
         app.remember(f"let go {row}")

@@ -9,7 +9,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import ControlPoint, ExampleCharacter, Project
 from enliven.modeling.puppet.points import change_point
 from enliven.modeling.puppet.poses import set_symmetry
-from enliven.modeling.puppet.suggest import suggested_joint, suggested_vertices
+from enliven.modeling.puppet.suggest import suggest_extremities, suggest_joint
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import Change, draw_name_field, draw_slider, draw_switch, draw_tooltip
@@ -133,7 +133,7 @@ def _draw_joint_list(app: App, puppet: ExampleCharacter, point: ControlPoint) ->
         clip = editor.project.takes.get(take or "")
         names = clip.skeleton.names if clip is not None else ()
         if clip is not None:
-            best = suggested_joint(editor.project, puppet.id, str(take), point.name)
+            best = suggest_joint(editor.project, puppet.id, str(take), point.name)
             if imgui.selectable(labelled(tr("{0}   likely", best), "likely"), best == point.joint)[0]:
                 app.state(PerformerView).pair(best)
             imgui.separator()
@@ -169,7 +169,7 @@ def suggest_points(app: App, puppet: ExampleCharacter) -> bool:
     """Adds control points at the ends of the mesh's limbs, as one edit."""
 
     def change(project: Project) -> Project:
-        return with_points(project, puppet.id, suggested_vertices(puppet.mesh, _SUGGESTION_COUNT))
+        return with_points(project, puppet.id, suggest_extremities(puppet.mesh, _SUGGESTION_COUNT))
 
     return app.editor.edit("suggest control points", change)
 

@@ -102,11 +102,11 @@ class PuppetCommands:
 
         return put
 
-    def lacks_mesh(self) -> str:
+    def describe_missing_mesh(self) -> str:
         """Returns the reason why no puppet can be made, or an empty text if one can be made."""
         return "" if self._find_solid_character() else "No shape with a surface is chosen. Click one first."
 
-    def lacks_examples(self) -> str:
+    def describe_missing_examples(self) -> str:
         """Returns the reason why no puppet can be baked, or an empty text if one can be baked."""
         puppet = self.editor.puppets.puppet
         if puppet is None:
@@ -150,7 +150,7 @@ def make_puppet_actions(commands: PuppetCommands) -> Iterator[Action]:
         "Make a puppet of it",
         ("ctrl+p",),
         commands.make_puppet,
-        commands.lacks_mesh,
+        commands.describe_missing_mesh,
         about="Makes a copy that is animated by control points and key poses.",
     )
     bake = Action(
@@ -159,7 +159,7 @@ def make_puppet_actions(commands: PuppetCommands) -> Iterator[Action]:
         "Bake the puppet",
         (),
         commands.bake_puppet,
-        commands.lacks_examples,
+        commands.describe_missing_examples,
         about="Turns it into a possessed character, which can be cut and merged.",
     )
     yield from (require_single_shape(action, commands.editor) for action in (make, bake))

@@ -18,14 +18,14 @@ def make_scan_actions(scan: ScanSession) -> Iterator[Action]:
         scan.open,
         about="Carry the camera round an object to make it a character.",
     )
-    yield Action("scan.start", "Scan", "Start a scan", (), scan.start, scan.lacks_stage)
+    yield Action("scan.start", "Scan", "Start a scan", (), scan.start, scan.describe_missing_stage)
     yield Action(
         "scan.pause",
         "Scan",
         "Pause or continue",
         (),
         scan.pause,
-        scan.lacks_scan,
+        scan.describe_missing_scan,
         is_on=lambda: scan.message.phase == "paused",
         apart=True,
     )
@@ -35,7 +35,7 @@ def make_scan_actions(scan: ScanSession) -> Iterator[Action]:
         "Undo the last seconds",
         (),
         scan.undo,
-        scan.lacks_undo,
+        scan.describe_missing_undo,
         about="Use this after a hand came into view, or the camera moved too fast.",
     )
     yield Action(
@@ -44,17 +44,17 @@ def make_scan_actions(scan: ScanSession) -> Iterator[Action]:
         "Done: make it a character",
         (),
         scan.finish,
-        scan.lacks_scan,
+        scan.describe_missing_scan,
         about="The object is cut out, put on the stage, and can be possessed.",
     )
-    yield Action("scan.cancel", "Scan", "Cancel the scan", (), scan.cancel, scan.lacks_scan)
+    yield Action("scan.cancel", "Scan", "Cancel the scan", (), scan.cancel, scan.describe_missing_scan)
     yield Action(
         "scan.again",
         "Scan",
         "Add to the scan",
         (),
         scan.continue_scan,
-        scan.lacks_again,
+        scan.describe_missing_repeat,
         about="Continues the scan to fill gaps.",
         apart=True,
     )

@@ -100,15 +100,15 @@ class ScanSession:
 
     # Requests ---------------------------------------------------------------------------------------------
 
-    def lacks_stage(self) -> str:
+    def describe_missing_stage(self) -> str:
         """Returns the reason why scanning is unavailable, with advice, or an empty text if it
         is available.
         """
         if self.perform.client is None:
             return NO_STAGE
-        return self.perform.lacks_edge()
+        return self.perform.describe_missing_edge()
 
-    def lacks_scan(self) -> str:
+    def describe_missing_scan(self) -> str:
         """Returns the reason why the scan accepts no requests, or an empty text if it accepts them."""
         none = "" if self.active else "Nothing is scanned. Start a scan first"
         making = (
@@ -116,16 +116,20 @@ class ScanSession:
             if self.message.phase == "finishing"
             else ""
         )
-        return self.lacks_stage() or none or making
+        return self.describe_missing_stage() or none or making
 
-    def lacks_undo(self) -> str:
+    def describe_missing_undo(self) -> str:
         """Returns the reason why nothing can be undone, or an empty text if undo is available."""
-        return self.lacks_scan() or ("" if self.message.undoable > 0 else "There is nothing to undo. Scan on")
+        return self.describe_missing_scan() or (
+            "" if self.message.undoable > 0 else "There is nothing to undo. Scan on"
+        )
 
-    def lacks_again(self) -> str:
+    def describe_missing_repeat(self) -> str:
         """Returns the reason why no scan can be continued, or an empty text if one can be continued."""
         there = self.message.phase == "done"
-        return self.lacks_stage() or ("" if there else "No scan is done. Finish one, then add to it")
+        return self.describe_missing_stage() or (
+            "" if there else "No scan is done. Finish one, then add to it"
+        )
 
     def open(self) -> None:
         """Shows the panel, in the workspace that contains the stage."""
@@ -134,7 +138,7 @@ class ScanSession:
     def start(self) -> None:
         """Starts a scan."""
         self.open()
-        if lacking := self.lacks_stage():
+        if lacking := self.describe_missing_stage():
             self.editor.toasts.show_message(*tr(lacking).split(". "))
             return
         within = _MAX_DISTANCE_M if self.mode is ScanMode.NEAR else None

@@ -7,7 +7,13 @@ from dataclasses import fields
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import FEET, Layer, LayerBase, Project, RigBase, RiggedCharacter
-from enliven.modeling.edits import alternative_takes, change_layers, foot_lock_mode, lock_feet, remove_layer
+from enliven.modeling.edits import (
+    change_layers,
+    foot_lock_mode,
+    list_alternative_takes,
+    lock_feet,
+    remove_layer,
+)
 from enliven.motion.layers.retarget import set_travel
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
@@ -99,7 +105,7 @@ def draw_layer(app: App, timeline: TimelineInput, character: RigBase, number: in
 def _draw_takes(app: App, layer: LayerBase) -> None:
     """Draws the alternative takes of a lane with a mark at the active take, and a delete button for each."""
     takes = TakeCommands(app.editor)
-    alternatives = alternative_takes(app.editor.project, layer.alternatives)
+    alternatives = list_alternative_takes(app.editor.project, layer.alternatives)
     if len(alternatives) < 2:
         return
     draw_note("takes of this lane")

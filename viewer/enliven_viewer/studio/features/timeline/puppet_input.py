@@ -18,9 +18,9 @@ from enliven_viewer.studio.puppets.example_edits import (
     add_switch,
     list_constraints,
     move_switch,
+    remove_constraint_from,
     remove_switch,
     retime_pose,
-    without_constraint,
 )
 
 DRAG_TITLES = {"pose": later("retime a key pose"), "switch": later("move a switch")}
@@ -91,7 +91,9 @@ class PuppetRows:
         constraints = list_constraints(self.editor.project, puppet.id, handle.number)
         if handle.item < len(constraints):
             constraint = constraints[handle.item]
-            self.editor.edit("let go", lambda p: without_constraint(p, puppet.id, handle.number, constraint))
+            self.editor.edit(
+                "let go", lambda p: remove_constraint_from(p, puppet.id, handle.number, constraint)
+            )
         return True
 
     def make_drag_edit(self, handle: LaneHandle, seconds: float, switches: tuple[Switch, ...]) -> Edit:

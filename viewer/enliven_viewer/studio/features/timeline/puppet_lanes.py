@@ -57,7 +57,7 @@ class PuppetDetails:
             if pose.take == lane.layer.take and _is_time_played(layout, lane, pose.time)
         )
 
-    def suggested_marks(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[float, float], ...]:
+    def suggest_marks(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[float, float], ...]:
         """Returns the time and the x coordinate of each missing (suggested) key pose."""
         coverage = self.coverage(lane.layer.take)
         times = coverage.times if coverage is not None else ()
@@ -92,7 +92,7 @@ class PuppetDetails:
                 ((number, at) for number, at in self.poses(layout, lane)), x, _CLICK_DISTANCE_PX
             )
             tick = _find_nearest_mark(
-                ((k, at) for k, (_, at) in enumerate(self.suggested_marks(layout, lane))),
+                ((k, at) for k, (_, at) in enumerate(self.suggest_marks(layout, lane))),
                 x,
                 _CLICK_DISTANCE_PX,
             )

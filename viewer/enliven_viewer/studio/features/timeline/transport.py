@@ -20,7 +20,7 @@ def make_transport_actions(editor: Editor) -> Iterator[Action]:
     def clear_range() -> None:
         editor.marked_range = None
 
-    def lacks_range() -> str:
+    def describe_missing_range() -> str:
         return "" if editor.marked_range else "No in or out point is set. Alt+I and Alt+O set them."
 
     yield Action("view.play", "View", "Play or stop", ("space",), play, is_on=lambda: editor.playing)
@@ -48,6 +48,6 @@ def make_transport_actions(editor: Editor) -> Iterator[Action]:
         "Loop the whole project",
         ("alt+l",),
         clear_range,
-        lacks_range,
+        describe_missing_range,
         about="Removes the in and out points.",
     )

@@ -123,7 +123,7 @@ def _draw_card(
     ]
     widgets = app.widgets
     obstacles = (
-        tour.chair_rectangle((area.x, area.y)),
+        tour.find_chair_rectangle((area.x, area.y)),
         widgets.get("performer inset"),
         widgets.get("holders"),
     )
