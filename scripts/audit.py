@@ -67,9 +67,9 @@ def main() -> None:
     if arguments.offline:
         print(f"vulnerabilities: not checked, --offline was given ({len(read_pins())} releases)")
     problems += licences()
-    for name in sorted(set(list_bundled_libraries(site_packages())) - list_documented_libraries()):
+    for name in sorted(set(list_bundled_libraries(find_site_packages())) - list_documented_libraries()):
         problems.append(f"{name} is bundled by a wheel, and docs/licences.md does not name it")
-    problems += telemetry(site_packages())
+    problems += telemetry(find_site_packages())
     print(*problems or ["audit: no problems"], sep="\n")
     sys.exit(bool(problems))
 
@@ -89,7 +89,7 @@ def read_pins() -> list[str]:
     return [line.partition(";")[0].strip() for line in lines if line and not line.startswith("#")]
 
 
-def rounds(lines: list[str]) -> list[list[str]]:
+def group_requirements(lines: list[str]) -> list[list[str]]:
     """Returns the requirements in groups, because pip-audit accepts only one release of a package at a
     time.
     """
@@ -111,7 +111,7 @@ def vulnerabilities() -> list[str]:
     releases: list[dict] = []
     not_asked: list[str] = []
     reason = "the package index has no such data"
-    for pins in rounds(read_pins()):
+    for pins in group_requirements(read_pins()):
         with tempfile.TemporaryDirectory() as folder:
             (path := Path(folder) / "pins.txt").write_text("\n".join(pins) + "\n")
             options = ["-r", path, "--no-deps", "--disable-pip", "-f", "json", "--progress-spinner", "off"]
@@ -125,10 +125,10 @@ def vulnerabilities() -> list[str]:
                 not_asked, reason = not_asked + pins, f"pip-audit failed: {last[0][:200]}"
     checked = [release for release in releases if "skip_reason" not in release]
     print(f"vulnerabilities: {len(checked)} of {len(releases) + len(not_asked)} releases could be looked up")
-    return [*flaws(checked), *unchecked(releases, not_asked, reason)]
+    return [*find_flaws(checked), *describe_unchecked(releases, not_asked, reason)]
 
 
-def flaws(releases: list[dict]) -> list[str]:
+def find_flaws(releases: list[dict]) -> list[str]:
     """Returns one sentence for each vulnerability of the releases that were looked up."""
     return [
         f"{release['name']} {release['version']}: {flaw['id']}, "
@@ -138,7 +138,7 @@ def flaws(releases: list[dict]) -> list[str]:
     ]
 
 
-def unchecked(releases: list[dict], not_asked: list[str], reason: str) -> list[str]:
+def describe_unchecked(releases: list[dict], not_asked: list[str], reason: str) -> list[str]:
     """Returns one sentence that names the releases that were not looked up, in a list.
 
     The list is empty if all were looked up.
@@ -165,7 +165,7 @@ def telemetry(packages: Path) -> list[str]:
 
     Hosts with disabled telemetry are left out.
     """
-    hosts = sorted(set(telemetry_hosts(packages)))
+    hosts = sorted(set(find_telemetry_hosts(packages)))
     for package, host in hosts:
         if (package, host) in TELEMETRY_OFF:
             print(f"telemetry: {package} names {host}: {TELEMETRY_OFF[package, host]}")
@@ -176,7 +176,7 @@ def telemetry(packages: Path) -> list[str]:
     ]
 
 
-def telemetry_hosts(packages: Path) -> Iterator[tuple[str, str]]:
+def find_telemetry_hosts(packages: Path) -> Iterator[tuple[str, str]]:
     """Yields the top folder of a package and a telemetry host.
 
     It yields one pair for each file that contains the host's name.
@@ -209,7 +209,7 @@ def find_licence_problems(packages: list[dict[str, str]]) -> list[str]:
     ]
 
 
-def site_packages() -> Path:
+def find_site_packages() -> Path:
     """Returns the folder of this Python's installed packages."""
     import numpy
 

@@ -254,8 +254,8 @@ def user_data_folder() -> Path:
 
 def config_folder() -> Path:
     """Returns the user's folder for configuration files, such as keys."""
-    given = os.environ.get("XDG_CONFIG_HOME") or os.environ.get("APPDATA")
-    return (Path(given) if given else Path.home() / ".config") / "enliven"
+    folder_name = os.environ.get("XDG_CONFIG_HOME") or os.environ.get("APPDATA")
+    return (Path(folder_name) if folder_name else Path.home() / ".config") / "enliven"
 
 
 def open_file(path: Path) -> BinaryIO:
@@ -449,13 +449,13 @@ def replace_file(path: Path, remedy: str = "", *, durable: bool = True) -> Itera
     try:
         with explain_write_errors(path, remedy):
             target = Path(os.path.realpath(path)) if path.is_symlink() else path
-            before = _stat_regular(target)
+            old_stat = _stat_regular(target)
             _remove_leftovers(target)
             require_folder(target)
-            part = _create_part(target, 0o666 if before is None else 0o600)
+            part = _create_part(target, 0o666 if old_stat is None else 0o600)
         yield part
         with explain_write_errors(path, remedy):
-            _replace_target(part, target, before, durable)
+            _replace_target(part, target, old_stat, durable)
     except BaseException:
         if part is not None:
             with contextlib.suppress(OSError):

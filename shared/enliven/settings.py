@@ -193,16 +193,16 @@ def _remove_old_settings(
     """
     hints, names = typing.get_type_hints(kind), set(getattr(kind, "REMOVED_SETTINGS", ()))
     fields = {field.name: field for field in dataclasses.fields(kind)}
-    kept: dict[str, Any] = {}
+    kept_settings: dict[str, Any] = {}
     for key, value in values.items():
         is_hidden = key in fields and fields[key].metadata.get("hidden", False)
         if key in names or (is_hidden and not own_file):
             removed.append(prefix + key)
         elif key in fields and dataclasses.is_dataclass(hints[key]) and isinstance(value, Mapping):
-            kept[key] = _remove_old_settings(hints[key], value, own_file, removed, f"{prefix}{key}.")
+            kept_settings[key] = _remove_old_settings(hints[key], value, own_file, removed, f"{prefix}{key}.")
         else:
-            kept[key] = value
-    return kept
+            kept_settings[key] = value
+    return kept_settings
 
 
 def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) -> T:

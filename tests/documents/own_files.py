@@ -98,7 +98,7 @@ def _write_recordings(folder: Path) -> None:
         for frame in HandheldScan(box_mesh(box), load_profile("kinect1"), path, (floor,), width=320):
             recorder.write_frame(frame)
     project, shape = play_clip(Project(), *_horse())
-    poses = [Player(project, "horse").pose(k / 30) for k in range(FRAMES)]
+    poses = [Player(project, "horse").compute_message_pose(k / 30) for k in range(FRAMES)]
     poses = [replace(pose, time_ns=round(k / 30 * 1e9)) for k, pose in enumerate(poses)]
     write_recording(folder / "PERFORMANCE.mcap", [(character_of(shape), poses)])
     whole = (folder / "TAKE.mcap").read_bytes()

@@ -24,7 +24,7 @@ def script(name: str):
 
 
 lock, audit = script("lock"), script("audit")
-EVERYWHERE = {f"{at['platform_machine']} {at['python_version']}": at for at in lock.environments()}
+EVERYWHERE = {f"{at['platform_machine']} {at['python_version']}": at for at in lock.list_environments()}
 WITHOUT_WHEEL = {"aarch64": {"3.12", "3.13", "3.14"}}
 """Python versions for which moderngl has no wheel, by machine type. setup.sh refuses them."""
 
@@ -45,7 +45,7 @@ def locked(kind: str, where: dict[str, str]) -> dict[str, str]:
 
 @pytest.mark.parametrize("where", EVERYWHERE.values(), ids=EVERYWHERE)
 def test_every_dependency_is_pinned(where) -> None:
-    pins = lock.pins()
+    pins = lock.read_pins()
     asked = [*lock.list_requested_packages("dev"), *lock.list_requested_packages("peers")]
     assert [
         name
@@ -61,7 +61,7 @@ def test_every_dependency_is_pinned(where) -> None:
 @pytest.mark.parametrize("kind", ["run", "dev"])
 @pytest.mark.parametrize("where", EVERYWHERE.values(), ids=EVERYWHERE)
 def test_lock_file_installs_exactly_the_needed_packages(kind, where) -> None:
-    pins, names = lock.pins(), lock.list_required_packages(lock.list_requested_packages(kind), where)
+    pins, names = lock.read_pins(), lock.list_required_packages(lock.list_requested_packages(kind), where)
     if where["python_version"] in WITHOUT_WHEEL.get(where["platform_machine"], ()):
         names.discard("pocketsphinx")
         assert set(locked(kind, where)) - {"pocketsphinx"} == names
@@ -72,7 +72,7 @@ def test_lock_file_installs_exactly_the_needed_packages(kind, where) -> None:
 
 def test_installed_versions_match_the_pins() -> None:
     here = {key: str(value) for key, value in default_environment().items()}
-    pins = lock.pins()
+    pins = lock.read_pins()
     for name in lock.list_required_packages(lock.list_requested_packages("dev"), here):
         assert version(name) in lock.parse_pin(pins, name, here).specifier, name
     for name in lock.list_required_packages(lock.list_requested_packages("peers"), here) - set(
@@ -109,7 +109,7 @@ def test_wheel_tag_fits_the_expected_environments(tag, places) -> None:
 
 
 def test_the_page_on_licences_names_every_library_that_a_wheel_bundles() -> None:
-    bundled = set(audit.list_bundled_libraries(audit.site_packages()))
+    bundled = set(audit.list_bundled_libraries(audit.find_site_packages()))
     assert len(bundled) > 10 and bundled - audit.list_documented_libraries() == set()
 
 
@@ -153,12 +153,12 @@ def test_a_release_that_could_not_be_looked_up_does_not_pass() -> None:
         {"name": "known", "version": "1", "vulns": []},
         {"name": "private", "version": "2", "skip_reason": "Dependency not found on PyPI"},
     ]
-    (sentence,) = audit.unchecked(audited, ["unasked==3"], "pip-audit failed: no network")
+    (sentence,) = audit.describe_unchecked(audited, ["unasked==3"], "pip-audit failed: no network")
     assert "2 releases were not checked" in sentence and "private, unasked" in sentence
     assert "known" not in sentence and "no network" in sentence and "--offline" in sentence
-    assert audit.unchecked(audited[:1], [], "") == []
+    assert audit.describe_unchecked(audited[:1], [], "") == []
     flaw = {"id": "PYSEC-1", "fix_versions": ["2"]}
-    assert audit.flaws([audited[0], {"name": "b", "version": "1", "vulns": [flaw]}]) == [
+    assert audit.find_flaws([audited[0], {"name": "b", "version": "1", "vulns": [flaw]}]) == [
         "b 1: PYSEC-1, fixed in 2"
     ]
 

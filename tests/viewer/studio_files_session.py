@@ -113,7 +113,7 @@ def film(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     tone = (20_000 * np.sin(np.arange(SOUND_RATE) * 2 * np.pi * 440 / SOUND_RATE)).astype(np.int16)
     workspace.editor.edit("a sound", lambda project: project.with_sounds(Sound("tone", tone)))
     for name in ("star", "post"):
-        workspace.editor.edit("delete", lambda project, name=name: project.without(name))
+        workspace.editor.edit("delete", lambda project, name=name: project.drop_character(name))
     ctx.menu_click(menu_path("File/Film..."))
     ctx.yield_(3)
     ctx.key_press(imgui.Key.enter)

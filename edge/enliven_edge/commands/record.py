@@ -101,19 +101,19 @@ def record_stream(
             continue
         except (SensorFault, InputError) as error:
             log.warning("%s", error)
-            event_log.failed(error)
+            event_log.write_error(error)
             continue
         if frame is None:
             return
         if flaw := find_flaw(frame):
             log.warning("%s: skipped a frame: %s", stream.name, flaw)
-            event_log.failed(InputError(flaw, where=stream.name))
+            event_log.write_error(InputError(flaw, where=stream.name))
             continue
         first_ns = frame.time_ns if first_ns is None else first_ns
         if seconds is not None and frame.time_ns - first_ns >= seconds * 1e9:
             return
         try:
-            event_log.frame(frame, stream.condition())
+            event_log.write_frame(frame, stream.condition())
         except InputError as error:
             log.warning("skipped a frame: %s", error)
             continue

@@ -111,8 +111,8 @@ def refuse_combination(
         ("--add", add),
         ("--within", within),
     )
-    for other, given in options:
-        if given:
+    for other, is_given in options:
+        if is_given:
             remedy = "Leave one of them out."
             raise InputError(f"{name} and {other} do not go together", where="scan", remedy=remedy)
 

@@ -121,7 +121,7 @@ def _find_camera(entry: _Device, width: int, height: int, *, where: str) -> Intr
         full_width, full_height = int(match[1]), int(match[2])
         if full_width * height == width * full_height and len(matrix) == 9:
             full_camera = Intrinsics(full_width, full_height, matrix[0], matrix[4], matrix[2], matrix[5])
-            return full_camera if full_width == width else full_camera.scaled(width / full_width)
+            return full_camera if full_width == width else full_camera.scale(width / full_width)
     raise InputError(
         f"the files have no depth calibration for {width}x{height}",
         where=where,
@@ -182,7 +182,7 @@ def _choose_lens(path: Path, options: ImportOptions) -> tuple[float, float, floa
         options.note("no camera in the files: 585 pixels as in the 7-Scenes data set; --lens states another")
         return _SEVEN_SCENES_LENS
     matrix = _read_matrix(path, 3)
-    fx, fy, cx, cy = (float(matrix[at]) for at in _LENS)
+    fx, fy, cx, cy = (float(matrix[cell]) for cell in _LENS)
     return fx, fy, cx, cy
 
 

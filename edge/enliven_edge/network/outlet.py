@@ -240,10 +240,10 @@ def _messages(tick: Tick, captured_ns: int, revision_of: Callable[[str], int]) -
 
     The publisher encodes and numbers the poses.
     """
-    at = tick.time_ns
-    yield bodies_to_message(tick.bodies, at, captured_ns)
+    tick_ns = tick.time_ns
+    yield bodies_to_message(tick.bodies, tick_ns, captured_ns)
     for name, cue in tick.cues.items():
-        cue_values = (cue.nodes, cue.strengths, cue.body, at, cue.owners, cue.held)
+        cue_values = (cue.nodes, cue.strengths, cue.body, tick_ns, cue.owners, cue.held)
         yield cues_to_message(name, cue.state, *cue_values)
     if tick.props is not None:
         yield props_to_message(tick.props)

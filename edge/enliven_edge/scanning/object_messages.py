@@ -44,9 +44,9 @@ def describe_places(scanner: Scanner | MovedScanner) -> list[str]:
     sentences: list[str] = []
     if scanner.unplaced:
         lost = sum(place.count for place in scanner.unplaced)
-        where = f"{lost} images may show the object, but it was not found in them; they are not in the mesh."
+        note = f"{lost} images may show the object, but it was not found in them; they are not in the mesh."
         sentences.append(
-            f"{where} Show more of the sides that were seen before, and hold still when the object rests."
+            f"{note} Show more of the sides that were seen before, and hold still when the object rests."
         )
     if scanner.followed_images:
         sentences.append(

@@ -166,13 +166,13 @@ class PersonScanner(Scanner):
             - len({int(angle // (2 * np.pi / _DIRECTIONS)) % _DIRECTIONS for angle in angles}) / _DIRECTIONS
         )
 
-    def person(self) -> ScannedPerson:
+    def finish_person(self) -> ScannedPerson:
         """Returns the scanned person.
 
         Raises:
             InputError: if no part of the person was scanned.
         """
-        surface, joints = self.surface(), self._median_joints()
+        surface, joints = self.extract_surface(), self._median_joints()
         if not len(surface.faces):
             remedy = "Stand nearer, or scan for longer."
             raise InputError("no surface was seen often enough", where="scan", remedy=remedy)

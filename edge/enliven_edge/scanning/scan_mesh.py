@@ -95,7 +95,7 @@ def finish_scan(scanner: Scanner | MovedScanner, keep: KeptPart, triangles: int,
         InputError: if nothing is left.
     """
     scanner.close_loops()
-    person = scanner.person() if isinstance(scanner, PersonScanner) else None
+    person = scanner.finish_person() if isinstance(scanner, PersonScanner) else None
     mesh, note = _cut_out(scanner, keep) if person is None else (person.mesh, "")
     decimation = decimate(replace(mesh, name=name), triangles or len(mesh.faces))
     return ScannedMesh(decimation.mesh, decimation.distance_99_percentile, note, person)
@@ -106,15 +106,15 @@ def _cut_out(scanner: Scanner | MovedScanner, keep: KeptPart) -> tuple[Mesh, str
     cut = scanner.settings.cut_out
     if keep.what == "thing":
         try:
-            return scanner.thing(), ""
+            return scanner.extract_object(), ""
         except InputError as error:
             advice = f"{error.remedy} Or add --whole to keep the whole scan."
             raise InputError(error.what, where=error.where, remedy=advice) from None
     has_several = isinstance(scanner, MovedScanner) and len(scanner.rests) > 1
     if isinstance(scanner, MovedScanner) and keep.what == "box":
-        mesh = scanner.merge_surfaces() if has_several else scanner.surface()
+        mesh = scanner.merge_surfaces() if has_several else scanner.extract_surface()
     else:
-        mesh = scanner.surface(keep.first_object_image)
+        mesh = scanner.extract_surface(keep.first_object_image)
     if not len(mesh.faces):
         advice = "Scan for longer, and nearer."
         raise InputError("no surface was seen often enough", where="scan", remedy=advice)

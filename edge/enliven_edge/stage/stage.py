@@ -217,7 +217,7 @@ class Stage:
         self._log.possess(actor, possession, parts, mode)
         self._memory.remember(character, possession, parts, mode)
 
-    def idle(self, character: str) -> Body | None:
+    def find_idle_performer(self, character: str) -> Body | None:
         """Returns the idle performer in view that would possess the character next, or None."""
         return self._updated_actor(character).next_performer(self._sort_bodies(character))
 

@@ -50,7 +50,7 @@ def encode_image(picture: UInt8, protocol: ImageProtocol, columns: int = 80) -> 
 def encode_kitty(picture: UInt8) -> str:
     """Encodes an image in kitty's graphics protocol: a PNG in base64, split into chunks."""
     data = base64.standard_b64encode(_encode_png(picture)).decode()
-    pieces = [data[at : at + _CHUNK_CHARACTERS] for at in range(0, len(data), _CHUNK_CHARACTERS)]
+    pieces = [data[offset : offset + _CHUNK_CHARACTERS] for offset in range(0, len(data), _CHUNK_CHARACTERS)]
     codes = []
     for number, piece in enumerate(pieces):
         # The options are a=T (transmit and show), f=100 (PNG) and q=2 (send no answer, because it would
@@ -113,7 +113,7 @@ def _find_nearest_palette_colour(red: int, green: int, blue: int) -> str:
     """
     if max(red, green, blue) - min(red, green, blue) < 16:
         return f"5;{232 + min(23, max(0, (green - 3) // 10))}"
-    r, g, b = ((each + 25) // 51 for each in (red, green, blue))
+    r, g, b = ((channel + 25) // 51 for channel in (red, green, blue))
     return f"5;{16 + 36 * r + 6 * g + b}"
 
 

@@ -275,8 +275,8 @@ class Tracker:
         if people and self._owner is not None and round(background.age * _FURNITURE_RATE_HZ) != self._gave_up:
             self._gave_up = round(background.age * _FURNITURE_RATE_HZ)
             floor = self.settings.scene.floor_band
-            still = background.still_pixels(view.z) & (kind == UNSEEN)
-            background.absorb(find_furniture(view, still, self._owner, people, floor))
+            is_still = background.still_pixels(view.z) & (kind == UNSEEN)
+            background.absorb(find_furniture(view, is_still, self._owner, people, floor))
 
     def _background_for(self, view: FrameView) -> BackgroundModel:
         """Returns the background model, or a new one.
@@ -307,8 +307,10 @@ class Tracker:
         if ramp == 1.0 and self._mounting.is_floor_known:
             return sure
         legs = 1.0 if self._mounting.is_floor_known else _MAX_LEG_CONFIDENCE
-        most = np.minimum(_FIRST_CONFIDENCE + (1.0 - _FIRST_CONFIDENCE) * ramp, np.where(_IS_LEG, legs, 1.0))
-        return np.minimum(sure, most)
+        max_confidence = np.minimum(
+            _FIRST_CONFIDENCE + (1.0 - _FIRST_CONFIDENCE) * ramp, np.where(_IS_LEG, legs, 1.0)
+        )
+        return np.minimum(sure, max_confidence)
 
     def _bodies(self, frame: DepthFrame) -> list[Body]:
         """Returns the output bodies: each performer's fit after smoothing, prediction and mirroring."""

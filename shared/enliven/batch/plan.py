@@ -98,13 +98,13 @@ def plan_jobs(plan: BatchPlan) -> list[BatchJob]:
     ]
     if missing_files:
         listed = ", ".join(missing_files[:_MAX_NAMED_FILES])
-        more = (
+        rest_text = (
             f" and {len(missing_files) - _MAX_NAMED_FILES} more"
             if len(missing_files) > _MAX_NAMED_FILES
             else ""
         )
         raise InputError(
-            f"files are missing: {listed}{more}", where="batch", remedy="Correct the paths in the plan."
+            f"files are missing: {listed}{rest_text}", where="batch", remedy="Correct the paths in the plan."
         )
     if not motions or not characters:
         empty_list = "motions" if not motions else "characters"

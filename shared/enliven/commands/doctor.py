@@ -110,10 +110,13 @@ def edge_checks(address: str) -> list[Check]:
     except ResourceError as error:
         return [Check("edge", False, f"{error.where}: {error.what}", error.remedy)]
     people = f"{status.performers} performer{'s' * (status.performers != 1)}"
-    ended = status.phase == "ended"
+    has_ended = status.phase == "ended"
     checks = [
         Check(
-            "edge", not ended, f"{status.edge}: {status.phase}, {people}", "Start it again." if ended else ""
+            "edge",
+            not has_ended,
+            f"{status.edge}: {status.phase}, {people}",
+            "Start it again." if has_ended else "",
         ),
         Check(
             "sensor", bool(status.sensor), status.sensor or "none", "Connect one, or wait until it is found."

@@ -96,7 +96,7 @@ def run(
     as_film = not has_display() if film is None else film
     if as_film and film is None:
         print_line("enliven: no display was found, so this makes a film; with a display, a window opens")
-    endless = sensor is not None and not any(each.startswith("rehearse=") for each in option or [])
+    endless = sensor is not None and not any(text.startswith("rehearse=") for text in option or [])
     if as_film and endless and seconds is None:
         seconds = _FILM_SECONDS
         print_line(f"enliven: a sensor has no end, so the film is {seconds:g} s long; --seconds changes that")

@@ -86,7 +86,7 @@ class Skeleton:
             )
         return self.names.index(name)
 
-    def below(self, joint: int) -> tuple[int, ...]:
+    def list_subtree(self, joint: int) -> tuple[int, ...]:
         """Returns the joint and all its descendants, ascending."""
         inside = {joint}
         for other in range(joint + 1, len(self)):

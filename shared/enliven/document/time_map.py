@@ -49,7 +49,7 @@ class Segment:
         """The time of the take, in seconds, that plays at :attr:`end`."""
         return self.first + (self.end - self.begin) * self.speed
 
-    def second(self, at: float) -> float:
+    def compute_take_time(self, at: float) -> float:
         """Converts a time of the lane to a time of the take, seconds."""
         return self.first + (at - self.begin) * self.speed
 
@@ -135,7 +135,7 @@ class TimeMap:
         segment."""
         return self.segments or (Segment(0.0, length),)
 
-    def ends(self, length: float) -> tuple[float, float]:
+    def compute_ends(self, length: float) -> tuple[float, float]:
         """Returns the times of a take of ``length`` seconds that play at the lane's start and end, in
         seconds."""
         lane = self.lane(length)
@@ -164,10 +164,14 @@ class TimeMap:
         if self.weights:
             weight *= float(curve_from_keys(self.weights)([time - self.offset])[0])
         # After the end of a clip, its last frame is shown until the next clip begins.
-        second = _clamp_second(current.second(min(max(lane_time, current.begin), current.end)), length)
+        second = _clamp_second(
+            current.compute_take_time(min(max(lane_time, current.begin), current.end)), length
+        )
         if number and lane_time < previous.end:
             fraction = ease_in_out((lane_time - current.begin) / (previous.end - current.begin))
-            return Moment(_clamp_second(previous.second(lane_time), length), second, fraction, rounds, weight)
+            return Moment(
+                _clamp_second(previous.compute_take_time(lane_time), length), second, fraction, rounds, weight
+            )
         return Moment(second, second, 0.0, rounds, weight)
 
     def convert_to_unwarped_time(self, time: float) -> float:
@@ -207,7 +211,7 @@ class TimeMap:
             else 1.0
         )
 
-    def played(self, time: float, length: float) -> tuple[float, int]:
+    def find_played_time(self, time: float, length: float) -> tuple[float, int]:
         """Returns the time within a take of ``length`` seconds that has the largest weight at a time of the
         project.
 
@@ -250,7 +254,7 @@ class TimeMap:
         once."""
         return self.offset + self.compute_loop_duration(length)
 
-    def later(self, delay: float) -> Self:
+    def add_delay(self, delay: float) -> Self:
         """Returns the time map delayed by ``delay`` seconds."""
         return replace(self, offset=self.offset + delay)
 

@@ -61,7 +61,11 @@ class ExampleMap:
         if known is None:
             return self.convert_to_metres(self.solve_checked_poses(poses, conditions, step, workers).places)
         constrained_points = sorted(
-            {self.examples.point(name) for constraint in constraints for name in list_names_in(constraint)}
+            {
+                self.examples.find_point(name)
+                for constraint in constraints
+                for name in list_names_in(constraint)
+            }
         )
         solution_m = self.convert_to_metres(
             self.solve_checked_poses(poses, conditions, step, workers, constrained_points).places

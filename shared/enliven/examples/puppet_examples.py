@@ -246,6 +246,6 @@ def _list_performed_key_poses(
         pose_numbers = [n for n, other in enumerate(takes) if other is take]
         frames = [find_nearest_frame(take, poses[n].time) for n in pose_numbers]
         role = match_performer(reference, take.skeleton, joints, take.id)
-        clip = take.mapped(itemgetter(frames))
+        clip = take.map_values(itemgetter(frames))
         all_poses[pose_numbers] = role.convert_poses(extract_performer_clip(clip, role.joints).poses)
     return all_poses

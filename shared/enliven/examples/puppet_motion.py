@@ -69,7 +69,7 @@ def evaluate_state(project: Project, puppet: ExampleCharacter, time: float) -> P
             continue
         motion = solve_layer_motion(project, puppet, number)
         length = (motion.frames - 1) * motion.step
-        loop_moment, ends = layer.moment(time, length), layer.ends(length)
+        loop_moment, ends = layer.moment(time, length), layer.compute_ends(length)
         moved_points, frames = list(motion.points), [motion.frame_of(loop_moment.second)]
         weights = [1.0]
         if loop_moment.share > 0.0:
@@ -77,9 +77,11 @@ def evaluate_state(project: Project, puppet: ExampleCharacter, time: float) -> P
                 [*frames, motion.frame_of(loop_moment.other)],
                 [1.0 - loop_moment.share, loop_moment.share],
             )
-        played = sum(weight * motion.places_at(frame) for weight, frame in zip(weights, frames, strict=True))
+        mean_places = sum(
+            weight * motion.places_at(frame) for weight, frame in zip(weights, frames, strict=True)
+        )
         places[moved_points] += (
-            layer.weight * loop_moment.weight * (np.asarray(played)[moved_points] - places[moved_points])
+            layer.weight * loop_moment.weight * (np.asarray(mean_places)[moved_points] - places[moved_points])
         )
         if motion.travels:
             # The layers that travel determine the path. The first of them dominates, in proportion to its
@@ -97,7 +99,7 @@ def evaluate_state(project: Project, puppet: ExampleCharacter, time: float) -> P
 def loop_position(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tuple[float, int]:
     """Returns the fractional frame of the take that a layer plays at ``time`` (seconds), and the number of
     completed loops."""
-    second, rounds = layer.played(time, (motion.frames - 1) * motion.step)
+    second, rounds = layer.find_played_time(time, (motion.frames - 1) * motion.step)
     return motion.frame_of(second), rounds
 
 

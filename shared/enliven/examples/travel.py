@@ -149,8 +149,8 @@ def find_alternating_feet(targets: Float, feet: Sequence[int]) -> tuple[int, ...
 
 def convert_take(clip: Clip, role: ReferenceConversion) -> PerformerClip:
     """Converts a take to the performer of the key poses, including the size."""
-    took = extract_performer_clip(clip, role.joints)
-    return replace(took, poses=role.convert_poses(took.poses))
+    performer_clip = extract_performer_clip(clip, role.joints)
+    return replace(performer_clip, poses=role.convert_poses(performer_clip.poses))
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,15 +242,15 @@ def _fit_stride(
     cross_product, puppet_square, performer_square = 0j, 0.0, 0.0
     for clip in takes:
         role = match_performer(reference, clip.skeleton, examples.joints, clip.id)
-        took = _resample_take(convert_take(clip, role))
-        yaw = (-1.0 if mirrored else 1.0) * (took.yaw - took.yaw[0])
-        stepper = performer_feet(clip.skeleton, role, took, feet, material.locomotion)
+        resampled = _resample_take(convert_take(clip, role))
+        yaw = (-1.0 if mirrored else 1.0) * (resampled.yaw - resampled.yaw[0])
+        stepper = performer_feet(clip.skeleton, role, resampled, feet, material.locomotion)
         placed_motion = stepper.place_in_world(
-            mapping.solve(took.poses, took.step), yaw, stepper.find_standing_feet()
+            mapping.solve(resampled.poses, resampled.step), yaw, stepper.find_standing_feet()
         )
-        performer_path = role.size * floor_path(took, find_facing(clip.skeleton), mirrored)
+        performer_path = role.size * floor_path(resampled, find_facing(clip.skeleton), mirrored)
         puppet_moves, performer_moves = (
-            _path_displacements(path, took.step)
+            _path_displacements(path, resampled.step)
             for path in (complex_from_floor(placed_motion.root), performer_path)
         )
         cross_product += complex(np.vdot(performer_moves, puppet_moves))

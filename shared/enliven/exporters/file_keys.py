@@ -53,7 +53,7 @@ def find_file_keys(
     last = min(last, segment.last, clip.duration)
     curves = list[CubicKeys]()
     for curve in clip.cubic:
-        curves.append(curve.between(first, last).timed(speed, begin_s - segment.first / speed))
+        curves.append(curve.cut(first, last).retime(speed, begin_s - segment.first / speed))
     return tuple(
         curve
         for curve in curves
@@ -120,9 +120,9 @@ def _is_posed(keys: CubicKeys, shape: RiggedCharacter) -> bool:
 
 def _matches_motion(keys: CubicKeys, skeleton: Skeleton, performance: Performance) -> bool:
     """Returns True if a curve agrees with the sampled motion at all times."""
-    at = keys.at(performance.times)
+    sampled_values = keys.evaluate(performance.times)
     if not keys.turns:
-        root_error = np.abs(at - performance.positions[:, 0]).max()
+        root_error = np.abs(sampled_values - performance.positions[:, 0]).max()
         return bool(root_error <= _MAX_CURVE_DEVIATION * max(float(skeleton.lengths.sum()), 1e-9))
     rotations = _bone_rotations(performance, keys.bone)
     if keys.bone:
@@ -130,7 +130,8 @@ def _matches_motion(keys: CubicKeys, skeleton: Skeleton, performance: Performanc
             conjugate(_bone_rotations(performance, int(skeleton.parents[keys.bone]))), rotations
         )
     return bool(
-        2.0 * np.arccos(np.clip(np.abs((at * rotations).sum(1)), 0.0, 1.0)).max() <= _MAX_CURVE_DEVIATION
+        2.0 * np.arccos(np.clip(np.abs((sampled_values * rotations).sum(1)), 0.0, 1.0)).max()
+        <= _MAX_CURVE_DEVIATION
     )
 
 

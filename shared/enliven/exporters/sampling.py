@@ -163,7 +163,7 @@ def _performance_from_maps(
 def _sample_shape(project: Project, shape: RiggedCharacter, times: Float, *_: object) -> Performance:
     player = Player(project, shape.id)
     turns, joints = player.sample(times)
-    linear = player.linear(times, turns)
+    linear = player.compute_linear_maps(times, turns)
     if shape.root_layers:
         root_motion = root_motions(project, shape, times)
         linear, joints = to_matrix(root_motion.turn)[:, None] @ linear, root_motion(joints)

@@ -96,9 +96,9 @@ def terminate_program(name: str, pid: int) -> None:
         InputError: if the process has ended, or another program has the same process id now.
         ResourceError: if this user may not terminate it.
     """
-    ended = InputError(f"{name} is not running", remedy="Wait until its supervisor starts it again.")
+    ended_error = InputError(f"{name} is not running", remedy="Wait until its supervisor starts it again.")
     if pid <= 1 or not is_running(pid):
-        raise ended
+        raise ended_error
     # The descriptor refers to this process only, so a later process with the same id cannot be terminated by
     # mistake.
     descriptor = -1
@@ -122,7 +122,7 @@ def terminate_program(name: str, pid: int) -> None:
             f"{name} belongs to another user", remedy="Run the health page as the same user."
         ) from None
     except (ProcessLookupError, FileNotFoundError):
-        raise ended from None
+        raise ended_error from None
     finally:
         if descriptor >= 0:
             os.close(descriptor)

@@ -100,21 +100,24 @@ class Installer:
             ResourceError: if a file cannot be written, or a command fails. All steps are recorded, so that
                 :meth:`remove` undoes them.
         """
-        before = self._read_manifest()
-        made_user = before.made_user or not self._has_user()
-        kept_entries = {entry.place: entry for entry in before.files}
+        old_manifest = self._read_manifest()
+        made_user = old_manifest.made_user or not self._has_user()
+        kept_entries = {entry.place: entry for entry in old_manifest.files}
         planned_places = {str(file.place) for file in plan.files}
-        old_units = [unit for unit in before.units if unit not in plan.units]
+        old_units = [unit for unit in old_manifest.units if unit not in plan.units]
         if old_units:
             self._disable_units(old_units)
-        for entry in before.files:
+        for entry in old_manifest.files:
             if entry.place not in planned_places:
                 self._restore_file(entry)
         files = [
             kept_entries.get(str(file.place)) or self._record_original_file(file.place) for file in plan.files
         ]
         missing_folders = self._list_missing_folders(plan)
-        folders = [*before.folders, *(folder for folder in missing_folders if folder not in before.folders)]
+        folders = [
+            *old_manifest.folders,
+            *(folder for folder in missing_folders if folder not in old_manifest.folders),
+        ]
         recordings = "" if plan.recordings is None else str(plan.recordings)
         # Write the record first, so that an interrupted installation can be removed.
         manifest = _Manifest(files, folders, list(plan.units), made_user, recordings)

@@ -50,8 +50,8 @@ def find_better_mapping(
     if quality.total_excess == 0.0:
         return None
     alternatives = [
-        NextBest(how, plan, _measure_alternative(retargeted, shape, plan))
-        for how, plan in _find_other_mappings(retargeted, shape)
+        NextBest(description, plan, _measure_alternative(retargeted, shape, plan))
+        for description, plan in _find_other_mappings(retargeted, shape)
     ]
     best = min(alternatives, key=lambda candidate: candidate.quality.faults)
     return best if best.quality.faults < _MAX_FAULT_RATIO * quality.faults else None

@@ -64,9 +64,11 @@ def source_anatomy(clip: Clip) -> Anatomy:
 def initial_facings(clip: Clip, shape: RiggedCharacter, plan: Plan) -> tuple[float, float]:
     """Returns the initial facing of the performer, and the facing of the model, in radians about +Y from
     +Z."""
-    first, ours = plan.take_facing, plan.model_facing
+    first, model_facing = plan.take_facing, plan.model_facing
     take_facing = source_anatomy(clip).facing if first is None else math.radians(first)
-    return take_facing, find_anatomy(shape.skeleton).facing if ours is None else math.radians(ours)
+    return take_facing, find_anatomy(shape.skeleton).facing if model_facing is None else math.radians(
+        model_facing
+    )
 
 
 @dataclass(frozen=True, eq=False)

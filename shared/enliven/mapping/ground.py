@@ -83,7 +83,7 @@ def body_points(shape: RiggedCharacter) -> Bool:
     is_object = is_object_bone[main_bone]
     for arm in (arm for arm in arms if arm.knots):
         elbow, wrist = (skeleton.positions[arm.chain[knot]] for knot in arm.knots[1:3])
-        hand = np.isin(main_bone, skeleton.below(arm.chain[arm.knots[2]])[1:])
+        hand = np.isin(main_bone, skeleton.list_subtree(arm.chain[arm.knots[2]])[1:])
         is_object |= hand & (
             np.linalg.norm(points - wrist, axis=1) > _MAX_HAND_DISTANCE * np.linalg.norm(wrist - elbow)
         )
@@ -113,7 +113,7 @@ def compute_posed_surfaces(project: Project, shape_id: str, times: AnyArray) -> 
     player, shape = Player(project, shape_id), project.shape(shape_id)
     character = None if shape.mesh is None else character_of(shape)
     for seconds in times:
-        posed = player.at(float(seconds))
+        posed = player.compute_pose(float(seconds))
         if character is None:
             yield posed.joints
         else:
@@ -159,7 +159,7 @@ def keep_on_floor(
     # The sampling rate of the path is at least the take's frame rate. At a lower rate, standing feet would
     # tremble.
     times = sample_times(duration, max(_MAX_RATE_HZ, 1.0 / clip.step))
-    root = Player(project, shape_id).root(times)
+    root = Player(project, shape_id).compute_root(times)
     rise = np.interp(times, contact_times, floor_height_under(shape) - low)
     frames = np.arange(len(clip.turns)) * clip.step
     if shape.travel is not None:

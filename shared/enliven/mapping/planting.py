@@ -3,7 +3,7 @@ not slide.
 
     spans = find_standing_spans(foot, root, step, length)     # the contacts of the performer's foot
     turns = remove_spin(Sole(shape, bones).spin(turns, joints), spans, step)   # keeps its heading
-    rolled, low = Sole(shape, bones).rolling(turns, joints)   # how the model's own foot rolls
+    rolled, low = Sole(shape, bones).compute_rolling(turns, joints)   # how the model's own foot rolls
     hip_shift(leg, other_leg, rise, step)                   # lets both feet stand without bent legs
     plant_body(legs, root, step, floor)                     # the path of the root, and offsets of feet
 
@@ -230,7 +230,7 @@ class Sole:
             positions[:, moved] += weight[moved, None] * (rotated + joints[:, bone, None])
         return positions
 
-    def rolling(self, turns: Float, joints: Float) -> tuple[Float, Float]:
+    def compute_rolling(self, turns: Float, joints: Float) -> tuple[Float, Float]:
         """Returns :func:`compute_rolling_motion` of the points, for world rotations (T, N, 4), and joint
         positions (T, N, 3) in metres relative to the root."""
         rolled, lowest, offset = [np.zeros((1, 2))], list[Float](), np.zeros(2)
@@ -267,7 +267,7 @@ class Sole:
             steps.append(np.sum(weights * moments, axis=1) / (inertia + self._min_patch_radius**2))
         return np.cumsum(np.concatenate(steps))
 
-    def lowest(self, turns: Float, joints: Float) -> Float:
+    def compute_lowest_height(self, turns: Float, joints: Float) -> Float:
         """Returns the height (T,) in metres of the lowest point, for rotations (T, N, 4) and joints (T, N,
         3)."""
         blocks = (
@@ -277,7 +277,9 @@ class Sole:
             [self.points(turns[frames], joints[frames])[..., 1].min(1) for frames in blocks]
         )
 
-    def lowest_turned(self, turns: Float, joints: Float, turnings: Sequence[Float], about: int) -> Float:
+    def compute_turned_heights(
+        self, turns: Float, joints: Float, turnings: Sequence[Float], about: int
+    ) -> Float:
         """Returns the height (A, T) in metres of the lowest point relative to a joint, after all points are
         rotated about this joint.
 
@@ -375,11 +377,11 @@ def hold_heading(heading: Float, spans: Spans, step: float) -> Float:
     # Before the first contact and after the last the correction is constant. Between two contacts it eases
     # from one to the next.
     position = np.interp(np.arange(len(heading)), frames, np.arange(len(frames)))
-    before = np.floor(position).astype(int)
-    share = position - before
+    previous = np.floor(position).astype(int)
+    share = position - previous
     share = share * share * (3.0 - 2.0 * share)
-    after = np.minimum(before + 1, len(frames) - 1)
-    return np.asarray(heading + (1.0 - share) * turns[before] + share * turns[after])
+    after = np.minimum(previous + 1, len(frames) - 1)
+    return np.asarray(heading + (1.0 - share) * turns[previous] + share * turns[after])
 
 
 def _compute_standing_turns(spin: Float) -> Float:

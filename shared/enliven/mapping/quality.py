@@ -255,7 +255,8 @@ def measure_quality(
         feet = _find_lowest_joints(shape, np.where(body[:, None], moments[worst_moment], np.inf), body_height)
     through, parts = _self_intersection(shape, moments)
     is_travelling = (
-        shape.travel is not None and np.ptp(Player(project, shape_id).root(times)[:, [0, 2]], axis=0).any()
+        shape.travel is not None
+        and np.ptp(Player(project, shape_id).compute_root(times)[:, [0, 2]], axis=0).any()
     )
     is_walking = is_travelling and stands_on_floor(shape) and bool(find_anatomy(shape.skeleton).legs)
     return MotionQuality(

@@ -236,7 +236,7 @@ def _turn_pelvis(
     for path in bones:
         for j in path[1:]:
             turns[:, j] = multiply(turning, turns[:, j])
-    for j in sorted(j for path in bones for j in skeleton.below(path[1])):
+    for j in sorted(j for path in bones for j in skeleton.list_subtree(path[1])):
         joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
     return True
 
@@ -293,7 +293,7 @@ def _correct_soles(
 def _foot_part(shape: RiggedCharacter, step: LegStep) -> Sole:
     """Returns the part of a leg that may touch the floor: its foot, or the end of its shin if it has no
     foot."""
-    return Sole(shape, shape.skeleton.below(step.leg[-1])[1:] or [step.leg[-1]])
+    return Sole(shape, shape.skeleton.list_subtree(step.leg[-1])[1:] or [step.leg[-1]])
 
 
 def _leg_in_pose(
@@ -312,14 +312,14 @@ def _leg_in_pose(
         + performer.root_height[:, None]
     )
     clearance = performer.scale * contact_clearance(heights, spans)
-    return PosedLeg(*sole.rolling(turns, joints), clearance, leg_length(skeleton, step.leg), spans)
+    return PosedLeg(*sole.compute_rolling(turns, joints), clearance, leg_length(skeleton, step.leg), spans)
 
 
 def _update_rolling(
     legs: Sequence[PosedLeg], soles: Sequence[Sole], turns: Float, joints: Float
 ) -> list[PosedLeg]:
     """Returns the legs with the current motion of their soles, given the current ``turns`` and ``joints``."""
-    motions = [sole.rolling(turns, joints) for sole in soles]
+    motions = [sole.compute_rolling(turns, joints) for sole in soles]
     return [
         replace(leg, rolled=rolled, sole=lowest) for leg, (rolled, lowest) in zip(legs, motions, strict=True)
     ]
@@ -353,7 +353,7 @@ def _smooth_toes(skeleton: Skeleton, step: LegStep, step_s: float, turns: Float,
     """
     ankle, width = step.leg[-1], 2 * round(0.5 * _TOE_SMOOTH_S / step_s) + 1
     foot = turns.copy()
-    for j in skeleton.below(ankle)[1:]:
+    for j in skeleton.list_subtree(ankle)[1:]:
         parent = int(skeleton.parents[j])
         if parent != ankle:
             bend = remove_sign_jumps(multiply(conjugate(foot[:, parent]), foot[:, j])[:, None])[:, 0]
@@ -393,7 +393,7 @@ def _turn_foot(skeleton: Skeleton, ankle: int, turning: Float, turns: Float, joi
 
     Changes ``turns`` and ``joints`` in place.
     """
-    for j in skeleton.below(ankle)[1:]:
+    for j in skeleton.list_subtree(ankle)[1:]:
         turns[:, j] = multiply(turning, turns[:, j])
         joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
 
@@ -420,7 +420,7 @@ def _tilt_foot(
     sign = np.where(rotate(turns[:, step.toes[0]], forward)[:, 1] < forward[1], 1.0, -1.0)
     candidates, angles = np.linspace(0.0, _MAX_TILT, _TILT_ANGLES), np.zeros(len(turns))
     turnings = [from_rotation_vector((angle * sign * axes.T).T[frames]) for angle in candidates]
-    lift_by_angle = sole.lowest_turned(turns[frames], joints[frames], turnings, ankle)
+    lift_by_angle = sole.compute_turned_heights(turns[frames], joints[frames], turnings, ankle)
     lift_by_angle -= lift_by_angle[0].copy()
     # Choose the smallest tilt that gives the required lift. If there is none, choose the tilt with the
     # largest lift.
@@ -472,7 +472,7 @@ def _bend_leg(
     chain, heading = step.leg, heading_from_rotation(turns[:, 0])
     weights = np.ones(len(turns)) if step.arm is None else performer.walking_weights(step.arm)
     bones = {bone for path in _rotation_chains(skeleton, step) for bone in path[1:]}
-    for j in sorted(bones.union(skeleton.below(chain[-1])[1:])):
+    for j in sorted(bones.union(skeleton.list_subtree(chain[-1])[1:])):
         if j in bones and not step.posed:
             turns[:, j] = slerp(turns[:, j], heading, weights)
         joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
@@ -519,12 +519,12 @@ def _lift_forelegs(
     forelegs = [step for step in steps if step.arm is not None]
     if not (supports and forelegs):
         return
-    lowest = np.min([sole.lowest(turns, joints) for sole in supports], axis=0)
+    lowest = np.min([sole.compute_lowest_height(turns, joints) for sole in supports], axis=0)
     floor = _floor_under_feet(shape, clip, performer, times, joints, lowest)
     for step in forelegs:
-        foreleg = Sole(shape, shape.skeleton.below(step.leg[0])[1:])
+        foreleg = Sole(shape, shape.skeleton.list_subtree(step.leg[0])[1:])
         for _ in range(_MAX_LIFT_PASSES):
-            lift = np.maximum(floor - foreleg.lowest(turns, joints), 0.0)
+            lift = np.maximum(floor - foreleg.compute_lowest_height(turns, joints), 0.0)
             if not lift.any():
                 break
             targets = joints[:, step.leg[-1]] + lift[:, None] * [0.0, 1.0, 0.0]

@@ -108,9 +108,9 @@ class Picker:
         progress = self._compute_held_fraction(points, seconds, previously_shown == self._shown)
         if self.settings.by_holding and progress >= 1.0:
             self.accept()
-        return self.now(progress)
+        return self.choose_current(progress)
 
-    def now(self, held: float = 0.0) -> Pick:
+    def choose_current(self, held: float = 0.0) -> Pick:
         """Returns the current match to show. May be called between frames, for example after a key press."""
         if self._accepted is not None:
             return Pick(self._accepted, self._find_shown_rank(), accepted=True)
@@ -130,11 +130,11 @@ class Picker:
             index = self._browsing_order.index(self._shown) if self._shown in self._browsing_order else -step
             self._shown = self._browsing_order[(index + step) % len(self._browsing_order)]
             self._browsed_at, self._beaten_since, self._still_since = self._time, None, None
-        return self.now()
+        return self.choose_current()
 
     def accept(self) -> Match | None:
         """Accepts the shown match, and returns the accepted match, or None if none was shown."""
-        self._accepted = self._accepted or self.now().match
+        self._accepted = self._accepted or self.choose_current().match
         return self._accepted
 
     def _find_shown_rank(self) -> int:

@@ -80,14 +80,14 @@ class Matcher:
     ) -> None:
         self.settings = settings or RankingSettings()
         self.abstraction = make_abstract_skeleton(target, root) if isinstance(target, Skeleton) else target
-        at = target.positions if isinstance(target, Skeleton) else positions
-        if at is None:
+        joint_positions = target.positions if isinstance(target, Skeleton) else positions
+        if joint_positions is None:
             raise ValueError("a Matcher for an Abstraction needs the positions of its joints: pass positions")
         trees = self.abstraction.candidates
         self._sizes = tuple(len(tree.branches) for tree in trees)
         self._first = np.concatenate([[0], np.cumsum(self._sizes)]).astype(np.int64)
-        self._average = _compute_averaging_weights(trees, len(at))
-        self._rest = self._candidate_points(np.asarray(at, np.float64))
+        self._average = _compute_averaging_weights(trees, len(joint_positions))
+        self._rest = self._candidate_points(np.asarray(joint_positions, np.float64))
 
     def rank(
         self,
@@ -159,9 +159,9 @@ class _Plan:
 def _make_matching_plan(sizes: tuple[int, ...], m: int, exhaustive: int, max_count: int) -> _Plan:
     rows, are_complete, total = [0], [], 0
     for n in sizes:
-        few, many = min(m, n), max(m, n)
-        choices = comb(many, few)
-        is_complete = sum(comb(many, k) for k in range(few + 1)) <= exhaustive
+        smaller, larger = min(m, n), max(m, n)
+        choices = comb(larger, smaller)
+        is_complete = sum(comb(larger, k) for k in range(smaller + 1)) <= exhaustive
         rows.append(choices if is_complete else min(choices, max_count))
         are_complete.append(is_complete)
         total += choices

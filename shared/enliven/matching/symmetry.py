@@ -83,7 +83,7 @@ class EqualLimbs:
         """Returns the number of the limb that a joint belongs to, or -1."""
         return next((i for i, limb in enumerate(self.limbs) if joint in limb.joints), -1)
 
-    def between(self, start: int, end: int) -> Float:
+    def get_map(self, start: int, end: int) -> Float:
         """Returns the map (3, 3) from limb ``start`` to limb ``end``."""
         return np.asarray(self.limbs[end].linear @ self.limbs[start].linear.T)
 
@@ -207,7 +207,7 @@ def _find_mirrored_pairs(
         matched = body.match(joint, a, b, linear, settings.tolerance)
         if matched is not None:
             limbs = (
-                EqualLimb(tuple(own for own, _ in matched.pairs), np.eye(3), 0.0),
+                EqualLimb(tuple(first for first, _ in matched.pairs), np.eye(3), 0.0),
                 EqualLimb(tuple(other for _, other in matched.pairs), linear, matched.error),
             )
             groups.append(EqualLimbs("mirror", joint, normal, limbs))

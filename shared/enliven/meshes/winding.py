@@ -83,7 +83,7 @@ def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     if turned_parts:
         subject = "it was" if count == 1 else f"{turned_parts} of its {count} parts were"
         notes.append(f"{subject} inside out: turned to face outwards")
-    return mesh.turned(flip), notes
+    return mesh.flip_faces(flip), notes
 
 
 def _collect_edges(faces: Int32, vertex_count: int) -> _Edges:

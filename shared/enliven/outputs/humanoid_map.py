@@ -66,7 +66,7 @@ class HumanoidMap:
         front = from_rotation_vector(np.array([0.0, -facing, 0.0]))
         self._rest_from_t_pose = conjugate(multiply(np.stack([node.t_pose for node in nodes]), front))
 
-    def pose(self, pose: Pose) -> HumanPose:
+    def convert_pose(self, pose: Pose) -> HumanPose:
         """Converts a pose of the character to a human pose."""
         linear = np.require(pose.linear, np.float32, ("C", "W"))
         places = np.require(pose.positions, np.float32, ("C", "W"))
@@ -111,7 +111,7 @@ class _Mapping:
         else:
             self._add("Hips", human.hips, self._next(human.hips, human.legs[0].knots[0]))
         path = skeleton.path(human.hips, human.chest)
-        trunk = [joint for before, joint in pairwise(path) if skeleton.parents[joint] == before]
+        trunk = [joint for parent, joint in pairwise(path) if skeleton.parents[joint] == parent]
         above = [*trunk[1:], head[1] if len(head) > 1 else self._next(human.chest, human.arms[0].knots[0])]
         names = ("Spine", "Chest", "UpperChest")
         # If the trunk has more than three joints, use the first one and the last two.
@@ -157,9 +157,9 @@ class _Mapping:
 
     def _straighten_limb(self, start: int, end: int, direction: Float) -> Float:
         """Returns the rotation (4,) from the rest direction of a limb to its direction in the T-pose."""
-        at = self._skeleton.positions
-        way = unit(rotate(self._front, at[end] - at[start]))
-        return swing(way, direction) if np.any(way) else IDENTITY
+        positions = self._skeleton.positions
+        rest_direction = unit(rotate(self._front, positions[end] - positions[start]))
+        return swing(rest_direction, direction) if np.any(rest_direction) else IDENTITY
 
     def _add(self, bone: str, joint: int, child: int, t_pose: Float = IDENTITY) -> None:
         """Adds the bone from a joint to its child. ``child`` is -1 if the joint has no child."""

@@ -73,7 +73,7 @@ class HumanPose:
         return find_nearest_ancestors(self.bones)
 
     @staticmethod
-    def ordered(bones: Iterable[str]) -> list[str]:
+    def sort_bones(bones: Iterable[str]) -> list[str]:
         """Returns the given bones in the order of the humanoid, parents first. Unknown names are left out."""
         return sorted((bone for bone in bones if bone in _PARENT_NAMES), key=list(_PARENT_NAMES).index)
 
@@ -95,7 +95,7 @@ class HumanPose:
         offsets = self.positions - np.where(root[:, None], 0.0, self.positions[parents])
         return rotate(inverse_turns, offsets), multiply(inverse_turns, self.turns)
 
-    def at(self, bone: str) -> tuple[Float, Float]:
+    def get_bone(self, bone: str) -> tuple[Float, Float]:
         """Returns the position (3,) and the rotation (4,) of a bone, which must exist in the pose."""
         number = self.bones.index(bone)
         return self.positions[number], self.turns[number]
@@ -118,9 +118,9 @@ def parent_name(bone: str) -> str:
     """Returns the parent of a bone in Unity's humanoid, or an empty string for the hips."""
     if bone in _PARENT_NAMES:
         return _PARENT_NAMES[bone]
-    for before, after in pairwise(FINGER_BONES):
-        if bone.endswith(after):
-            return bone.removesuffix(after) + before
+    for parent, child in pairwise(FINGER_BONES):
+        if bone.endswith(child):
+            return bone.removesuffix(child) + parent
     return "LeftHand" if bone.startswith("Left") else "RightHand"
 
 
@@ -248,7 +248,7 @@ def body_from_human_pose(human: HumanPose, id: int) -> Body:
     height = float(np.median(sizes)) if sizes else _REFERENCE_HEIGHT_M
     scale = height / _REFERENCE_HEIGHT_M
     present = set(places)
-    for bone in HumanPose.ordered(_PARENT_NAMES):
+    for bone in HumanPose.sort_bones(_PARENT_NAMES):
         if bone not in places:
             parent = next(above for above in HumanPose.ancestors(bone) if above in places)
             places[bone] = places[parent] + rotate(

@@ -361,7 +361,7 @@ class EmbeddedActor(Actor):
         floor = float(self._placement.to_rest(np.zeros(3))[1])
         if self._approach is not None:
             approach_body = next((body for body in bodies if body.id == self._approach.body), None)
-            linear, positions = self._approach.at(approach_body, time_ns)
+            linear, positions = self._approach.advance(approach_body, time_ns)
         else:
             linear, positions = self._find_held_state(seen, floor, time_ns)
         return self._soft.lift_out_of_floor(linear, self._swing(positions, time_ns), floor)
@@ -377,8 +377,8 @@ class EmbeddedActor(Actor):
         if self.settings.follow == "surface":
             unseen = [hold.body not in seen for hold in self.holds]
             hold_targets = [
-                (where, pulls * fraction)
-                for (where, pulls), fraction in zip(hold_targets, unseen, strict=True)
+                (node_numbers, pulls * fraction)
+                for (node_numbers, pulls), fraction in zip(hold_targets, unseen, strict=True)
             ]
         targets, pulls = (np.concatenate(part) for part in zip(*hold_targets, strict=True))
         seconds = max(time_ns - self._time_ns, 0) * 1e-9

@@ -71,7 +71,7 @@ class PlacementRules:
         if settings.how != "mapped" and not needs_person_search(settings):
             return None
         if settings.joints:
-            return BodyInMesh.known(_joint_array(settings.joints, self._character.id))
+            return BodyInMesh.from_joints(_joint_array(settings.joints, self._character.id))
         mesh = Mesh(self._character.vertices.astype(np.float64), self._character.faces, self._character.id)
         if settings.how == "mapped":
             return find_body_in_mesh(mesh, self._graph, ends)

@@ -107,7 +107,7 @@ def prepare_mesh(
     mesh = fit_height(mesh, _PERSON_HEIGHT_M)
     if settings.stand == "fitted":
         if joints is not None and len(joints):
-            person = BodyInMesh.known(apply_vertex_motion(joints, vertices, mesh.vertices))
+            person = BodyInMesh.from_joints(apply_vertex_motion(joints, vertices, mesh.vertices))
         else:
             person = find_person_in_mesh(mesh, mesh.vertices[list(ends)])
         if person is not None and (person.is_certain or len(ends)):

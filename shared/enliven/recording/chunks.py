@@ -110,24 +110,24 @@ def _chunk_contents(content: bytes, max_records: int) -> list[Any]:
     """Returns the messages, schemas and channels in the content of a chunk of at most ``max_records``
     records."""
     contents: list[Any] = []
-    at = count = 0
-    while at < len(content):
+    offset = count = 0
+    while offset < len(content):
         count += 1
         if count > max_records:
             raise _DecompressionBombError(
                 f"a part has more than {max_records} records in {len(content)} bytes"
             )
-        opcode, length = RECORD.unpack_from(content, at)
-        start = at + RECORD.size
-        at = start + length
-        if at > len(content) or (opcode == Opcode.MESSAGE and length < _MESSAGE_HEADER.size):
+        opcode, length = RECORD.unpack_from(content, offset)
+        start = offset + RECORD.size
+        offset = start + length
+        if offset > len(content) or (opcode == Opcode.MESSAGE and length < _MESSAGE_HEADER.size):
             raise Damage("a record reaches beyond its chunk, or is too short")
         if opcode == Opcode.MESSAGE:
             channel, sequence, logged, published = _MESSAGE_HEADER.unpack_from(content, start)
-            data = content[start + _MESSAGE_HEADER.size : at]
+            data = content[start + _MESSAGE_HEADER.size : offset]
             contents.append(records.Message(channel, logged, data, published, sequence))
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            contents.append(parse_record(opcode, content[start:at]))
+            contents.append(parse_record(opcode, content[start:offset]))
     return contents
 
 

@@ -263,7 +263,7 @@ class Scanner:
             keyframes.offer(view, poses[number])
         return volumes, keyframes
 
-    def surface(self, since: int = 0) -> Mesh:
+    def extract_surface(self, since: int = 0) -> Mesh:
         """Returns the scanned surface, metres, world, from the images with number ``since`` or later."""
         if not since:
             return extract_surface(self.volumes[0])
@@ -273,14 +273,14 @@ class Scanner:
                 volume.integrate(self.prepare_view(frame), self.poses[number][1])
         return extract_surface(volume)
 
-    def thing(self) -> Mesh:
+    def extract_object(self) -> Mesh:
         """Cuts the object that stands on the floor out of the surface. The result is upright, on y = 0, in
         metres.
 
         Raises:
             InputError: if no floor was scanned, or no object stands on it.
         """
-        surface, cut = self.surface(), self.settings.cut_out
+        surface, cut = self.extract_surface(), self.settings.cut_out
         return cut_out(surface, find_ground(surface), find_focus([p for _, p in self.poses]), cut)
 
     def prepare_view(self, frame: DepthFrame) -> DepthView:
@@ -325,7 +325,7 @@ class Scanner:
 
     def _relocalize(self, view: DepthView, up: Float | None) -> ScanStep:
         """Relocalizes a lost camera near its last pose and at similar keyframes."""
-        starts = [self._pose, *self.keyframes.nearest(view, _KEYFRAMES_PER_FRAME)]
+        starts = [self._pose, *self.keyframes.find_nearest(view, _KEYFRAMES_PER_FRAME)]
         alignment = max(
             (self.tracker.align(view, start, up, _VOLUME_COUNT - 1) for start in starts), key=_fit_score
         )

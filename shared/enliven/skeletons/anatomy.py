@@ -226,24 +226,24 @@ def _detect_anatomy(skeleton: Skeleton) -> Anatomy:
 
 def _find_anatomy(skeleton: Skeleton, facing: float) -> Anatomy:
     """Finds the parts of a skeleton with a known heading of its front."""
-    at = _symmetrize_positions(
+    positions = _symmetrize_positions(
         rotate_about_y(skeleton.positions - skeleton.positions[0] * [1.0, 0.0, 1.0], -facing)
     )
     human = find_human_joints(skeleton)
-    if human is not None and _points_up(at[human.chest] - at[list(_hip_joints(human))].mean(0)):
-        return _anatomy_from_names(skeleton, human, facing, at)
-    children = _find_major_children(skeleton, at)
+    if human is not None and _points_up(positions[human.chest] - positions[list(_hip_joints(human))].mean(0)):
+        return _anatomy_from_names(skeleton, human, facing, positions)
+    children = _find_major_children(skeleton, positions)
     chains = _fork_chains(children)
     limbs = [
-        _separate_hand(_limb_from_chain(chain, at), skeleton, at)
+        _separate_hand(_limb_from_chain(chain, positions), skeleton, positions)
         for chain in chains
         if not children[chain[-1]]
     ]
-    trunk = _trunk_path([chain for chain in chains if children[chain[-1]]], at)
-    pairs, unpaired = _find_paired_limbs(limbs, at, skeleton.names)
-    head, tail = _head_and_tail(unpaired, at)
+    trunk = _trunk_path([chain for chain in chains if children[chain[-1]]], positions)
+    pairs, unpaired = _find_paired_limbs(limbs, positions, skeleton.names)
+    head, tail = _head_and_tail(unpaired, positions)
     if not any(limb.chain[0] == trunk[-1] for limb in unpaired):
-        trunk, pairs, split_head = _separate_head(trunk, pairs, at)
+        trunk, pairs, split_head = _separate_head(trunk, pairs, positions)
         head = split_head or head
     return Anatomy(facing, trunk, tuple(pairs), head, tail)
 
@@ -315,32 +315,32 @@ def _find_major_children(skeleton: Skeleton, at: Float) -> list[list[int]]:
     count, parents = len(skeleton), np.maximum(skeleton.parents, 0)
     lengths = np.linalg.norm(at - at[parents], axis=1)
     has_twig_name = [bool(_TWIG_WORDS.search(separate_words(name))) for name in skeleton.names]
-    reach, way, end = np.zeros(count), np.zeros(count), np.arange(count)
+    reach, path_lengths, end = np.zeros(count), np.zeros(count), np.arange(count)
     for j in range(count - 1, 0, -1):
         up, long = parents[j], reach[j] + lengths[j]
         if long >= reach[up]:
             reach[up], end[up] = long, end[j]
     for j in range(1, count):
-        way[j] = way[parents[j]] + lengths[j]
+        path_lengths[j] = path_lengths[parents[j]] + lengths[j]
     below: list[list[int]] = []
     for j, children in enumerate(skeleton.children):
         branches = []
         for c in children:
             long = reach[c] + lengths[c]
             aside = abs(at[end[c], 0] - at[j, 0]) > _MIN_FORK_FRACTION * long
-            least = max(
+            min_length = max(
                 _MIN_BRANCH_FRACTION * reach[0],
-                (_MIN_SIDE_FORK_FRACTION if aside else _MIN_FORK_FRACTION) * way[j],
+                (_MIN_SIDE_FORK_FRACTION if aside else _MIN_FORK_FRACTION) * path_lengths[j],
             )
-            if (long >= least and not has_twig_name[c]) or len(children) == 1:
+            if (long >= min_length and not has_twig_name[c]) or len(children) == 1:
                 branches.append(c)
         if j > 0 and children and abs(at[j, 0]) > _MAX_FORK_OFFSET * reach[0]:
             branches = [max(children, key=lambda c: reach[c] + lengths[c])]
-        over = j > 0 and (
+        is_fork = j > 0 and (
             (has_twig_name[j] and lengths[j] > _MIN_PALM_LENGTH * reach[0])
             or len(branches) >= _MIN_FORK_BRANCHES
         )
-        below.append([] if over else branches)
+        below.append([] if is_fork else branches)
     return below
 
 

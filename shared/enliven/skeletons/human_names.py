@@ -133,7 +133,7 @@ def finger_joints(skeleton: Skeleton, wrist: int) -> dict[str, tuple[int, ...]]:
 
     The finger "little" is returned as "pinky"."""
     fingers = dict[str, tuple[int, ...]]()
-    for joint in skeleton.below(wrist)[1:]:
+    for joint in skeleton.list_subtree(wrist)[1:]:
         finger = _finger_name(_split_name(skeleton.names[joint])[1])
         path = skeleton.path(wrist, joint)
         if finger and len(path) > len(fingers.get(finger, ())):
@@ -202,7 +202,7 @@ def _limb_of_side(
             break
     else:
         return None
-    descendants = skeleton.below(middle_joint)[1:]
+    descendants = skeleton.list_subtree(middle_joint)[1:]
     end_joint = _find_first_named_joint(descendants, words, side, ends)
     if end_joint < 0:
         end_joint = _find_longest_child(skeleton, middle_joint)
@@ -248,7 +248,7 @@ def _head_chain(
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Returns the chain from the chest to the end of the head, and the joints at which neck and head
     begin."""
-    descendants = skeleton.below(chest)[1:]
+    descendants = skeleton.list_subtree(chest)[1:]
     head = _find_first_named_joint(descendants, words, 0, _HEAD_NAMES)
     if head < 0:
         return (), ()

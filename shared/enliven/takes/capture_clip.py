@@ -141,11 +141,11 @@ def trim_clip(clip: Clip, start: float, stop: float) -> Clip:
     """Trims a clip to the frames from ``start`` to ``stop`` seconds. At least one frame is kept."""
     first = min(max(round(start / clip.step), 0), len(clip.turns) - 1)
     last = max(round(stop / clip.step) + 1, first + 1)
-    trimmed = clip.mapped(lambda track: track[first:last])
+    trimmed = clip.map_values(lambda track: track[first:last])
     if clip.fine is None:
         return trimmed
     return replace(
-        trimmed, fine=clip.fine.between(first * clip.step, (len(trimmed.turns) + first - 1) * clip.step)
+        trimmed, fine=clip.fine.cut(first * clip.step, (len(trimmed.turns) + first - 1) * clip.step)
     )
 
 
@@ -155,16 +155,16 @@ def _sample_clip_evenly(
     """Builds a clip with frames ``step`` seconds apart by interpolating rotations and root at ``times`` (F,),
     which begin at 0.
     """
-    before, after, fraction = _frame_fractions(times, step)
-    even_turns = slerp(turns[before], turns[after], fraction[:, None])
+    previous, following, fraction = _frame_fractions(times, step)
+    even_turns = slerp(turns[previous], turns[following], fraction[:, None])
     return Clip(id, skeleton, remove_sign_jumps(even_turns), _interpolate_track(root, times, step), step)
 
 
 def _interpolate_track(track: Float, times: Float, step: float) -> Float:
     """Resamples a track (F, ...) with ``times`` (F,) to G frames ``step`` seconds apart. Returns (G, ...)."""
-    before, after, fraction = _frame_fractions(times, step)
+    previous, following, fraction = _frame_fractions(times, step)
     fraction = fraction.reshape(-1, *(1,) * (track.ndim - 1))
-    return np.asarray(track[before] + fraction * (track[after] - track[before]))
+    return np.asarray(track[previous] + fraction * (track[following] - track[previous]))
 
 
 def _frame_fractions(times: Float, step: float) -> tuple[Int, Int, Float]:
@@ -173,10 +173,10 @@ def _frame_fractions(times: Float, step: float) -> tuple[Int, Int, Float]:
     """
     count = int(np.floor(times[-1] / step + 1e-6)) + 1
     sample_times = np.minimum(np.arange(count) * step, times[-1])
-    before = np.clip(np.searchsorted(times, sample_times, side="right") - 1, 0, max(len(times) - 2, 0))
-    after = np.minimum(before + 1, len(times) - 1)
-    width = np.where(after > before, times[after] - times[before], 1.0)
-    return before, after, (sample_times - times[before]) / width
+    previous = np.clip(np.searchsorted(times, sample_times, side="right") - 1, 0, max(len(times) - 2, 0))
+    after = np.minimum(previous + 1, len(times) - 1)
+    width = np.where(after > previous, times[after] - times[previous], 1.0)
+    return previous, after, (sample_times - times[previous]) / width
 
 
 def _measure_rotations(bodies: Sequence[Body], still: Body) -> Float | None:

@@ -84,7 +84,7 @@ def _remove_added_poses(
     if not (begin or end):
         return clip, notes
     span = slice(begin, len(clip.turns) - end)
-    return clip.mapped(lambda track: track[span]), (*notes, *make_added_frame_notes(begin, end))
+    return clip.map_values(lambda track: track[span]), (*notes, *make_added_frame_notes(begin, end))
 
 
 def _find_clip(clips: Sequence[Clip], path: Path, requested: str | None) -> Clip:

@@ -50,7 +50,7 @@ class LiveLayer:
             local_turns = local_rotations(shape, from_matrix(live.linear.astype(np.float64))[None])
         turns = compose_rotations(shape.skeleton.parents, local_turns)[0]
         self._player.feed(self._take, turns, shape.skeleton.positions[0])
-        own_pose = self._player.at(seconds)
+        own_pose = self._player.compute_pose(seconds)
         pose, shift = pose_from(shape, own_pose, seconds), live.positions[0].astype(np.float64) - rest
         moved_positions = (pose.positions + shift).astype(np.float32)
         return Pose(shape.id, live.time_ns, pose.linear, moved_positions), own_pose.joints + shift

@@ -140,7 +140,10 @@ def add_overdub_layer(
     """
     used_poses, seconds, grid = even_times(character, poses, begin)
     values = ([pose.linear for pose in used_poses], [pose.positions for pose in used_poses])
-    linear, positions = (interpolate_linearly(np.array(each, np.float64), seconds, grid) for each in values)
+    linear, positions = (
+        interpolate_linearly(np.array(values_of_track, np.float64), seconds, grid)
+        for values_of_track in values
+    )
     maps, offsets = OverdubTransfer(shape, character)(linear, positions)
     stream = PoseStream(
         unused(f"{shape.id} over", project.streams), maps, shape.positions + offsets, float(grid[1] - grid[0])

@@ -263,8 +263,8 @@ def _add_bone_layers(project: Project, shape: RiggedCharacter, motion: Performed
             project = punch_bones(project, shape.id, chain, punch)
         layer = unused(f"{take.id}: {shape.skeleton.names[chain[-1]]}", project.layer_names)
         layer_settings = {"basis": IDENTITY, "layer_id": layer, "offset": float(grid[0])}
-        played = punch.playback_settings if keeps_some else {}
-        project = bind_chain(project, shape.id, chain, take.id, chain, **layer_settings, **played)
+        playback = punch.playback_settings if keeps_some else {}
+        project = bind_chain(project, shape.id, chain, take.id, chain, **layer_settings, **playback)
     if travels and chains and ((replaces and not keeps_some) or shape.travel is None):
         last = project.shape(shape.id).layers[-len(chains)].id
         project = set_travel(project, shape.id, last, scale=1.0)
@@ -275,13 +275,13 @@ def _find_moved_limbs(shape: RiggedCharacter, moved: Sequence[int]) -> list[tupl
     """Returns the chains of the bones that moved. A chain continues while exactly one child bone moved."""
     chains, child_bones = list[tuple[int, ...]](), shape.skeleton.children
     for joint in moved:
-        ended = [
+        ending_chains = [
             n
             for n, chain in enumerate(chains)
             if chain[-1] == make_single_bone_chain(shape, joint)[0] and chain != (0,)
         ]
-        if joint and ended and len(set(child_bones[chains[ended[0]][-1]]) & set(moved)) == 1:
-            chains[ended[0]] = (*chains[ended[0]], joint)
+        if joint and ending_chains and len(set(child_bones[chains[ending_chains[0]][-1]]) & set(moved)) == 1:
+            chains[ending_chains[0]] = (*chains[ending_chains[0]], joint)
         else:
             chains.append(make_single_bone_chain(shape, joint))
     return chains
@@ -311,8 +311,8 @@ def _add_puppet_layer(
         remaining = [
             silenced for old_layer in puppet.layers if (silenced := punch(project, old_layer)) is not None
         ]
-        played = punch.playback_settings if punch.moves_outside(project, puppet.layers) else {}
-        layers = (*remaining, replace(layer, **played))
+        playback = punch.playback_settings if punch.moves_outside(project, puppet.layers) else {}
+        layers = (*remaining, replace(layer, **playback))
     return project.with_takes(take).with_characters(puppet.with_changes(layers=layers))
 
 
@@ -326,10 +326,10 @@ def _add_character(project: Project, motion: PerformedCharacter) -> tuple[Projec
         rest_shape, clip, offset = shape_and_clip_from_poses(renamed, poses, begin)
         take = replace(clip, id=unused(f"{performed.name} on {renamed.id}", project.takes))
         project, shape = play_clip(project, rest_shape, take)
-        return project.with_characters(shape.later(offset)), shape.id
+        return project.with_characters(shape.delay_motion(offset)), shape.id
     holds = holds_from_frames(performed.frames, performed.events, unused(performed.name, project.bodies))
     other_characters = (
-        project.without(key[0]) if existing is not None and existing.is_possessable else project
+        project.drop_character(key[0]) if existing is not None and existing.is_possessable else project
     )
     other_characters = add_character_motion(other_characters, key, character, poses, begin, [], holds)
     name = list(other_characters.characters)[-1]

@@ -65,22 +65,24 @@ class PunchIn:
             return None if kept_lane[0] is None else changed
         ease = min(FADE_S if layer.hold else layer.ease, self._half_length)
         low, high = self.begin + ease, self.end - ease
-        before, after = list[Segment](), list[Segment]()
+        segments_before, segments_after = list[Segment](), list[Segment]()
         for clip in self._layer_clips(layer, project.length_of(layer), ease):
             if min(clip.end, low) - clip.begin > _MIN_CLIP_S:
-                before.append(replace(clip, end=min(clip.end, low)))
+                segments_before.append(replace(clip, end=min(clip.end, low)))
             start = max(clip.begin, high)
             if clip.end - start > _MIN_CLIP_S:
-                after.append(replace(clip, begin=start, first=clip.second(start)))
+                segments_after.append(replace(clip, begin=start, first=clip.compute_take_time(start)))
         # Keep the earlier motion only if some of it is outside the fades.
         first = min(self.begin, self.until) - _MIN_CLIP_S
         has_earlier_motion = (
-            any(clip.begin < first and clip.end > _MIN_CLIP_S for clip in before) and first > 0.0
+            any(clip.begin < first and clip.end > _MIN_CLIP_S for clip in segments_before) and first > 0.0
         )
-        remaining = before if has_earlier_motion else []
+        remaining = segments_before if has_earlier_motion else []
         last = self.end + _MIN_CLIP_S
-        has_earlier_motion = any(clip.end > last and clip.begin < self.until - _MIN_CLIP_S for clip in after)
-        remaining = [*remaining, *(after if has_earlier_motion and self.until > last else [])]
+        has_earlier_motion = any(
+            clip.end > last and clip.begin < self.until - _MIN_CLIP_S for clip in segments_after
+        )
+        remaining = [*remaining, *(segments_after if has_earlier_motion and self.until > last else [])]
         if not remaining:
             return None
         silenced = layer.with_clips(_sort_clips(remaining), project.length_of(layer))
@@ -117,10 +119,10 @@ class PunchIn:
             ]
         if layer.loop or not layer.hold:
             return clips
-        before = Segment(
+        lead_in = Segment(
             min(0.0, clips[0].begin) - ease - _MIN_CLIP_S, clips[0].begin, clips[0].first, _HELD_CLIP_SPEED
         )
-        extended = [before]
+        extended = [lead_in]
         for clip, end in zip(clips, [*(c.begin for c in clips[1:]), self.until + ease], strict=True):
             extended.append(clip)
             if end > clip.end + _MIN_CLIP_S:
@@ -138,7 +140,7 @@ def _sort_clips(clips: Sequence[Segment]) -> list[Segment]:
             clip = replace(clip, end=separated_clips[-1].end + _MIN_CLIP_S)
         if separated_clips and clip.begin <= separated_clips[-1].begin:
             start = separated_clips[-1].begin + _MIN_CLIP_S
-            clip = replace(clip, begin=start, first=clip.second(start))
+            clip = replace(clip, begin=start, first=clip.compute_take_time(start))
         separated_clips.append(clip)
     return separated_clips
 

@@ -188,17 +188,19 @@ class CloseLimbs:
         """Returns the figure at a time in seconds. Before the start and after the end it stands still."""
         time = min(max(time, 0.0), self.duration)
         k = max(0, min(sum(key.time <= time for key in self._keys) - 1, len(self._keys) - 2))
-        before, after = self._keys[k], self._keys[k + 1]
-        part = ease((time - before.time) / (after.time - before.time))
+        start_key, end_key = self._keys[k], self._keys[k + 1]
+        part = ease((time - start_key.time) / (end_key.time - start_key.time))
         posture = interpolate_fields(
-            _make_standing_posture(before.trunk), _make_standing_posture(after.trunk), part
+            _make_standing_posture(start_key.trunk), _make_standing_posture(end_key.trunk), part
         )
         wrists = [
-            _interpolate_wrists(before.left, after.left, part),
-            _interpolate_wrists(before.right, after.right, part),
+            _interpolate_wrists(start_key.left, end_key.left, part),
+            _interpolate_wrists(start_key.right, end_key.right, part),
         ]
         if self._jogs:
-            posture, wrists = _make_jogging_posture(self._pace * time, posture, before.left, before.right)
+            posture, wrists = _make_jogging_posture(
+                self._pace * time, posture, start_key.left, start_key.right
+            )
         return place_figure(self._figure_with_wrists(posture, wrists), (0.0, -START_Z_M), 0.0)
 
     def _figure_with_wrists(self, posture: PerformerPosture, wrists: list[Float]) -> Figure:

@@ -60,10 +60,10 @@ class CapturedMotion:
     def figure(self, time: float) -> Figure:
         """Returns the figure at a time in seconds. Before the start and after the end it stands still."""
         position = min(max(time / self._seconds, 0.0), len(self._pelvis) - 1.0)
-        before = min(int(position), max(len(self._pelvis) - 2, 0))
-        after, part = min(before + 1, len(self._pelvis) - 1), position - before
-        pelvis = (1.0 - part) * self._pelvis[before] + part * self._pelvis[after]
-        turned = slerp(self._rotations[before], self._rotations[after], np.full(16, part))
+        previous = min(int(position), max(len(self._pelvis) - 2, 0))
+        after, part = min(previous + 1, len(self._pelvis) - 1), position - previous
+        pelvis = (1.0 - part) * self._pelvis[previous] + part * self._pelvis[after]
+        turned = slerp(self._rotations[previous], self._rotations[after], np.full(16, part))
         return self._performer.figure(to_matrix(turned), pelvis)
 
 
@@ -81,7 +81,10 @@ def _pelvis_path(
     pelvis = scale * hips.mean(1) - rotations[:, Limb.PELVIS] @ hip_height
     captured_height = _compute_lower_foot_height(scale * p[:, list(roles.toes)], scale * ankles, standing)
     lowest = np.array(
-        [performer.soles(performer.figure(r, at)).min() for r, at in zip(rotations, pelvis, strict=True)]
+        [
+            performer.soles(performer.figure(r, pelvis_position)).min()
+            for r, pelvis_position in zip(rotations, pelvis, strict=True)
+        ]
     )
     pelvis[:, 1] += _smooth(captured_height - lowest, _HEIGHT_SMOOTHING_S / capture.seconds)
     return pelvis

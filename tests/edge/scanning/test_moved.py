@@ -197,7 +197,7 @@ def laid_onto_the_truth(mesh):
 
 def test_both_halves_are_one_surface_with_its_undersides(scanned):
     whole = laid_onto_the_truth(placed(scanned.made))
-    alone = laid_onto_the_truth(placed(scanned.scanner.rests[0].scanner.thing()))
+    alone = laid_onto_the_truth(placed(scanned.scanner.rests[0].scanner.extract_object()))
     truth = sample_surface(CHAIR, 40_000)
     under = truth.points[(truth.normals[:, 1] < -0.7) & (truth.points[:, 1] > 0.05)]
     assert complete(whole, under) > complete(alone, under) + 0.15

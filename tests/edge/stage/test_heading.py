@@ -57,17 +57,17 @@ def test_carried_hips_differ_from_the_performers_by_a_constant(seed, noise_m, fr
     )
     film = spinning_people(seed, 4.0, noise_m)
     start = hip_heading(film[0].joints)
-    like = BodyInMesh.known(rest)
+    like = BodyInMesh.from_joints(rest)
     carrying = LimbRetargeting(like, film[0], 1.0, seconds=seconds, front=start)
     gaps = []
     for n, body in enumerate(film):
-        carrying.at(n * FRAME_NS)
+        carrying.advance(n * FRAME_NS)
         gaps.append(wrapped(hip_heading(carrying(body.joints)) - hip_heading(body.joints)))
     assert deviations_deg(np.array(gaps)).max() < MAX_DEVIATION_DEG
     # A mesh with another heading has turned to its performer when it has reached the pose.
     late = LimbRetargeting(like, film[0], 1.0, seconds=seconds, front=front)
-    late.at(0)
-    late.at(round(1e9 * late._seconds) + 1)
+    late.advance(0)
+    late.advance(round(1e9 * late._seconds) + 1)
     there = hip_heading(late(film[-1].joints)) + front
     assert abs(np.degrees(wrapped(there - hip_heading(film[-1].joints)))) < MAX_DEVIATION_DEG
 

@@ -125,7 +125,7 @@ def test_an_arm_that_drives_a_foreleg_does_not_lift_the_other_feet(model: str, t
     shape = read_gltf(DATA / "gltf" / f"{model}.glb").shape
     result = retarget(shape, clip, replace(create_automatic_plan(clip, shape), travel=True, pin=True))
     tall, rest = np.ptp(shape.mesh.vertices[:, 1]), shape.skeleton.positions
-    root = Player(result.project, result.shape_id).root(np.linspace(0.0, result.duration, 30))[:, 1]
+    root = Player(result.project, result.shape_id).compute_root(np.linspace(0.0, result.duration, 30))[:, 1]
     assert np.abs(root - rest[0, 1] - shape.place[1]).max() < 0.1 * tall
 
 

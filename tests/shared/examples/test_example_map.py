@@ -104,14 +104,14 @@ def dense(mapping, poses, constraints, weight):
             right.append(np.zeros(3))
     middle, size = examples.targets.mean(0), examples.target_size
     for constraint in constraints:
-        p, f = examples.point(constraint.point), constraint.frame
+        p, f = examples.find_point(constraint.point), constraint.frame
         for axis in map("xyz".index, constraint.axes):
             if isinstance(constraint, Position):
                 row, value = place[p, f, axis], constraint.place[axis] - middle[p, axis]
             elif isinstance(constraint, Velocity):
                 row, value = place[p, f, axis] - place[p, f - 1, axis], constraint.velocity[axis] * STEP
             else:
-                o = examples.point(constraint.other)
+                o = examples.find_point(constraint.other)
                 row = place[p, f, axis] - place[o, f, axis]
                 value = constraint.apart[axis] - middle[p, axis] + middle[o, axis]
             rows.append(1e4 * row[None])

@@ -31,7 +31,9 @@ from enliven.motion.layers.evaluate import Player
 def vertices_of(rig, clip, frame):
     """Returns (V, 3) the model at a frame of a clip, by our own evaluation and skinning."""
     project, shape = play_clip(Project(), rig.shape, clip)
-    return skin_vertices(character_of(shape), Player(project, shape.id).pose(frame * clip.step))
+    return skin_vertices(
+        character_of(shape), Player(project, shape.id).compute_message_pose(frame * clip.step)
+    )
 
 
 @settings(max_examples=8, deadline=None)

@@ -310,7 +310,7 @@ def test_stretches_of_a_take_go_on_to_another_body_where_that_is_asked_for():
         result = retarget(
             shape, clip, replace(create_automatic_plan(clip, shape), stretch=stretch, floor=False)
         )
-        joints = Player(result.project, "giant").at(0.3).joints
+        joints = Player(result.project, "giant").compute_pose(0.3).joints
         lengths.append(np.linalg.norm(joints[wrist] - joints[elbow]) / rest)
     assert lengths == pytest.approx([1.0, 1.5], abs=0.02)
     assert soften_plan(replace(create_automatic_plan(clip, shape), stretch=True), clip, shape).stretch

@@ -63,7 +63,9 @@ def test_a_leap_is_a_leap_and_a_handstand_stands():
     shape = shape_with_markers("horse", horse())
     result = retarget(shape, upside, replace(create_automatic_plan(upside, shape), level=False, rest="first"))
     top = max(horse().positions[:, 1])
-    upright, inverted = (Player(result.project, "horse").root(np.array([t]))[0, 1] for t in (0.0, 0.8))
+    upright, inverted = (
+        Player(result.project, "horse").compute_root(np.array([t]))[0, 1] for t in (0.0, 0.8)
+    )
     assert inverted == pytest.approx(top - upright, abs=0.1)
     assert lowest(result, np.array([0.0, 0.2, 0.5, 0.8])) == pytest.approx(
         floor_height_under(shape), abs=1e-5
@@ -78,7 +80,7 @@ def test_what_swims_or_flies_keeps_its_height():
     assert not stands_on_floor(flying)
     result = retarget(flying, clip)
     assert result.project.shape("flying").travel is None
-    still = Player(result.project, "flying").root(np.array([0.0, 0.5]))
+    still = Player(result.project, "flying").compute_root(np.array([0.0, 0.5]))
     np.testing.assert_allclose(still, np.repeat(flying.skeleton.positions[:1], 2, 0))
     assert shape.place.shape == (3,)
 
@@ -120,7 +122,7 @@ def test_a_stride_is_the_models_own():
     def way(weight):
         chains = tuple(replace(c, weight=weight) if "leg" in c.role else c for c in plan.chains)
         result = retarget(shape, clip, replace(plan, chains=chains))
-        at = Player(result.project, "spider").root(np.array([0.0, result.duration]))
+        at = Player(result.project, "spider").compute_root(np.array([0.0, result.duration]))
         return float(np.linalg.norm((at[1] - at[0])[[0, 2]]))
 
     assert 1.2 * way(0.2) < way(0.4) < way(0.8) / 1.2

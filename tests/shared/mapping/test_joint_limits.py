@@ -186,7 +186,7 @@ def test_what_begins_at_a_limited_joint_moves_along():
 
 def test_a_take_of_one_pose_is_limited_too():
     shape, clip = shape_with_markers("horse", horse()), raised_arms()
-    still = clip.mapped(lambda track: track[19:20])
+    still = clip.map_values(lambda track: track[19:20])
     result = retarget(shape, still, free(still, shape, rest="zero"), clips=(grazing(),))
     assert "Left shoulder" in result.limited
     assert (

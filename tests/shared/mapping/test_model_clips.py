@@ -28,7 +28,7 @@ QUARTER = from_rotation_vector(np.array([0.0, np.pi / 2, 0.0]))
 
 def closed(clip):
     """Returns the clip with its first frame repeated at its end."""
-    return clip.mapped(lambda track: np.concatenate([track, track[:1]]))
+    return clip.map_values(lambda track: np.concatenate([track, track[:1]]))
 
 
 def clips_of(skeleton, seed=3):
@@ -53,12 +53,12 @@ def test_a_clip_that_ends_in_its_first_pose_loops_wherever_it_went():
     assert is_looping(replace(around, root=around.root + way)), "a walk that goes on"
     risen = around.root + np.linspace(0.0, 2.0, len(around.root))[:, None] * [0.0, 1.0, 0.0]
     assert not is_looping(replace(around, root=risen)), "a jump that ends in the air"
-    assert not is_looping(around.mapped(lambda track: track[:1]))
+    assert not is_looping(around.map_values(lambda track: track[:1]))
 
 
 def test_a_model_opens_with_a_clip_that_moves_and_loops_the_idle_one_first():
     shape, (once, around) = shape_with_markers("horse", horse()), clips_of(horse())
-    pose = once.mapped(lambda track: np.repeat(track[:1], 3, 0))
+    pose = once.map_values(lambda track: np.repeat(track[:1], 3, 0))
     idle = replace(around, id="Armature|Idle_2")
     other = clips_of(man())[1]
     assert clip_to_open(shape, [pose, once, around]) is around
@@ -100,7 +100,7 @@ def test_no_clip_leaves_the_model_at_rest_and_keys_stay():
     project = opened()
     still = play_own_clip(project, "horse", None)
     assert find_played_clip(still, still.shape("horse")) is None
-    np.testing.assert_allclose(Player(still, "horse").at(0.2).joints, horse().positions, atol=1e-12)
+    np.testing.assert_allclose(Player(still, "horse").compute_pose(0.2).joints, horse().positions, atol=1e-12)
     back = play_own_clip(still, "horse", "once")
     assert find_played_clip(back, back.shape("horse")) == "once"
     keyed = key_handle(project, "horse", 3, [0.4, 0.9, 0.2], 0.1)

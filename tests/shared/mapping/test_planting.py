@@ -126,7 +126,9 @@ def test_legs_of_other_proportions_keep_their_pose_while_feet_are_planted(shin):
     ]
     assert min(low) > floor_height_under(shape) - 1e-3
     free = retarget(shape, clip, replace(plan, pin=False))
-    ways = [Player(each.project, "man").root(np.array([0.0, clip.duration])) for each in (result, free)]
+    ways = [
+        Player(each.project, "man").compute_root(np.array([0.0, clip.duration])) for each in (result, free)
+    ]
     assert np.linalg.norm(ways[0][1] - ways[0][0]) > 0.5 * np.linalg.norm(ways[1][1] - ways[1][0])
 
 
@@ -397,7 +399,7 @@ def wide_hipped(width, extra):
     at = skeleton.positions.copy()
     for side in ("Left", "Right"):
         hip = skeleton.index(f"{side} hip")
-        for j in skeleton.below(hip):
+        for j in skeleton.list_subtree(hip):
             at[j, 0] += (width - 1.0) * skeleton.positions[hip, 0]
         if side == "Left":
             at[hip, 1] += extra

@@ -67,7 +67,7 @@ def assert_puts_one_on_another(skeleton, group, atol):
     centre = skeleton.positions[group.joint]
     for a in range(len(group.limbs)):
         for b in range(len(group.limbs)):
-            linear = group.between(a, b)
+            linear = group.get_map(a, b)
             np.testing.assert_allclose(linear @ linear.T, np.eye(3), atol=1e-9)
             for start, end in group.joint_map(a, b).items():
                 moved = centre + linear @ (skeleton.positions[start] - centre)

@@ -71,7 +71,7 @@ def solved(solving: MotionSolver, project: Project):
 def test_incomplete_puppets_are_not_solved() -> None:
     solving = MotionSolver(Toasts(5.0))
     for project in (project_with(*NAMES), project_with(*NAMES, take="sway"), posed((0.0,))):
-        shown = solving.newest_solution(project, "star")
+        shown = solving.get_newest_solution(project, "star")
         assert shown[1].layers == () and solving.problem("star") is None and not solving.busy("star")
 
 
@@ -98,7 +98,7 @@ def test_retimed_layer_is_shown_without_solving() -> None:
     solving, project = MotionSolver(Toasts(5.0), patience=5.0), posed()
     solved(solving, project)
     moved = change_layers(project, "star", [0], offset=0.5, speed=2.0)
-    assert solving.newest_solution(moved, "star")[1] is moved.puppets["star"]
+    assert solving.get_newest_solution(moved, "star")[1] is moved.puppets["star"]
     solving.close()
 
 

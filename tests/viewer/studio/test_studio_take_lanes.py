@@ -62,7 +62,7 @@ def test_takes_are_heard_by_turns_dropped_and_kept(stage: Workspace) -> None:
     editor.select(layer=1)
     assert stage.actions.do("takes.before") and takes.audible_take == "take 1" and editor.selection.layer == 0
     assert stage.actions.do("takes.drop") and mine(stage.state(TimelineInput).layout) == ["take 2"]
-    assert takes.lacks() and not stage.actions.do("takes.drop")
+    assert takes.describe_missing() and not stage.actions.do("takes.drop")
     editor.undo()
     assert stage.actions.do("takes.keep")
     assert list_alternative_takes(editor.project, "take 1") == {"take 1": True}

@@ -104,7 +104,9 @@ def make_performer_row(
         project = project.with_characters(shape.with_changes(travel=None))
     player = Player(project, shape.id)
     return MotionRow(
-        character_of(shape), [player.pose(second) for second in seconds], facing + CAMERA_AZIMUTH
+        character_of(shape),
+        [player.compute_message_pose(second) for second in seconds],
+        facing + CAMERA_AZIMUTH,
     )
 
 
@@ -112,7 +114,9 @@ def _make_model_row(retargeted: RetargetedShape, times: Float) -> MotionRow:
     player = Player(retargeted.project, retargeted.shape_id)
     shape = retargeted.project.shape(retargeted.shape_id)
     return MotionRow(
-        character_of(shape), [player.pose(t) for t in times], retargeted.model_facing + CAMERA_AZIMUTH
+        character_of(shape),
+        [player.compute_message_pose(t) for t in times],
+        retargeted.model_facing + CAMERA_AZIMUTH,
     )
 
 

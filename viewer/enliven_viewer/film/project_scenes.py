@@ -49,7 +49,7 @@ class ProjectScenes:
         """Returns a character of a project at a time in seconds, with solved vertex positions."""
         if name not in self._surfaces or self._surfaces[name][0] is not project:
             character = project.character(name)
-            self._surfaces[name] = project, get_rig_edits(character).surface(project, character)
+            self._surfaces[name] = project, get_rig_edits(character).create_surface_player(project, character)
         vertices = self._surfaces[name][1](time)
         drawn_character = self._make_drawn_character(project, name, vertices)
         return SceneCharacter(

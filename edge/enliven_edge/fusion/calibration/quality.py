@@ -187,7 +187,7 @@ def _jackknife(
 
 def _compute_facing_octants(match: BodyMatch) -> Int:
     """Returns the person's facing direction (N,) as seen by the first sensor, one of eight."""
-    joints, _, _ = match.a.at(match.times, MAX_TRACK_GAP_S)
+    joints, _, _ = match.a.interpolate(match.times, MAX_TRACK_GAP_S)
     left_axis = joints[:, _LEFTS].mean(1) - joints[:, _RIGHTS].mean(1)
     angles = np.arctan2(left_axis[:, 2], left_axis[:, 0]) / (2 * np.pi)
     return np.asarray(np.floor(_JACKKNIFE_BLOCKS * (angles % 1.0)).clip(0, _JACKKNIFE_BLOCKS - 1), np.int64)

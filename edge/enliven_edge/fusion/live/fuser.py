@@ -194,13 +194,13 @@ class Fuser:
             displacement = trunk - other_trunk
             view = self.views[number]
             view.displacement_m = view.displacement_m + gain * (displacement - view.displacement_m)
-            before = view.state
+            old_state = view.state
             far = float(view.displacement_m @ view.displacement_m) ** 0.5
-            if before is SensorState.LIVE and far > _MOVED_SENSOR_M:
+            if old_state is SensorState.LIVE and far > _MOVED_SENSOR_M:
                 view.state = SensorState.MOVED
-            elif before is SensorState.MOVED and far < 0.5 * _MOVED_SENSOR_M:
+            elif old_state is SensorState.MOVED and far < 0.5 * _MOVED_SENSOR_M:
                 view.state = SensorState.LIVE
-            self._add_warning(view, before, time_ns)
+            self._add_warning(view, old_state, time_ns)
 
     def _add_warning(self, view: SensorView, old_state: SensorState, time_ns: int) -> None:
         """Adds a warning about a change of state. The first frame of a sensor gives no warning."""

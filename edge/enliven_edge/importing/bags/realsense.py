@@ -143,7 +143,7 @@ def _parse_camera_text(fields: Fields) -> Intrinsics:
     except (KeyError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise fields.damaged() from None
+        raise fields.make_damage_error() from None
 
 
 def _depth_step_mm(fields: Fields) -> float:
@@ -151,7 +151,7 @@ def _depth_step_mm(fields: Fields) -> float:
     try:
         metres = float(fields.text() if isinstance(fields, AlignedFields) else fields.number("f"))
     except ValueError:
-        raise fields.damaged() from None
+        raise fields.make_damage_error() from None
     return check_step(1e3 * metres, fields.where)
 
 

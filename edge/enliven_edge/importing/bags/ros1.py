@@ -53,21 +53,21 @@ class Fields:
         """Reads the next string."""
         size = self.count()
         if size > _MAX_TEXT_BYTES:
-            raise self.damaged()
+            raise self.make_damage_error()
         return self._read_bytes(size).decode("utf-8", errors="replace")
 
     def block(self) -> bytes:
         """Reads the next block of bytes, which is preceded by its size."""
         return self._read_bytes(self.count())
 
-    def damaged(self) -> InputError:
+    def make_damage_error(self) -> InputError:
         """Returns the error for a message with impossible content."""
         return InputError("a message is damaged", where=self.where, remedy="Copy the recording again.")
 
     def _read_bytes(self, size: int) -> bytes:
         data = self._data[self._offset : self._offset + size]
         if len(data) != size:
-            raise self.damaged()
+            raise self.make_damage_error()
         self._offset += size
         return data
 
@@ -79,7 +79,7 @@ class AlignedFields(Fields):
     def __init__(self, data: bytes, where: str) -> None:
         super().__init__(data[4:], where)
         if data[:2] != b"\0\1":
-            raise self.damaged()
+            raise self.make_damage_error()
 
     def numbers(self, kinds: str) -> tuple[float, ...]:
         values: list[float] = []

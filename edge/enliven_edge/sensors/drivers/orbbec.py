@@ -141,8 +141,8 @@ class OrbbecSensor(Sensor):
 
     def _handle_changed_devices(self, removed: Any, _added: Any) -> None:
         """Records that this camera was unplugged. Called by the library on its own thread."""
-        gone = [removed.get_device_uid_by_index(i) for i in range(len(removed))]
-        self._is_unplugged = self._is_unplugged or self._uid in gone
+        removed_ids = [removed.get_device_uid_by_index(i) for i in range(len(removed))]
+        self._is_unplugged = self._is_unplugged or self._uid in removed_ids
 
     def _play_next(self) -> None:
         """Uses the next part of a recording as the camera."""
@@ -206,10 +206,10 @@ class OrbbecSensor(Sensor):
             self._accelerometer = sensor
 
     def _stop(self) -> None:
-        for each in (self._accelerometer, self._pipeline):
-            if each is not None and self._started:
+        for part in (self._accelerometer, self._pipeline):
+            if part is not None and self._started:
                 with contextlib.suppress(self._ob.OBError):
-                    each.stop()
+                    part.stop()
         self._accelerometer = self._pipeline = None
         self._started = False
 

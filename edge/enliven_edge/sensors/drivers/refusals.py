@@ -24,7 +24,9 @@ REHEARSE = "Rehearse with another recording: --set rehearse=OTHER.mcap; enliven 
 def _read() -> dict[str, tuple[tuple[str, Sentence], ...]]:
     """Returns the table of the file: message parts and sentences by sensor, and for "system"."""
     table = tomllib.loads(files(__package__).joinpath("refusals.toml").read_text("utf-8"))
-    sentences = {name: (each["what"], each["remedy"]) for name, each in table.pop("sentences").items()}
+    sentences = {
+        name: (sentence["what"], sentence["remedy"]) for name, sentence in table.pop("sentences").items()
+    }
     sentences["not allowed"] = (FORBIDDEN, ALLOW)
     return {
         sensor: tuple((piece, sentences[name]) for piece, name in names_by_piece.items())

@@ -190,8 +190,8 @@ def _find_covered_fields(calibration: StereoCalibration, solution: StereoSolutio
     """Returns (3, 4) flags: 1 for each field of an image with corners in it, 0 for the others."""
     rows, columns = len(_ROWS), len(_COLUMNS)
     covered_fields = np.zeros((rows, columns))
-    for each in solution.used:
-        for x, y in getattr(each, side).values():
+    for sighting in solution.used:
+        for x, y in getattr(sighting, side).values():
             row, column = int(y * rows / calibration.height), int(x * columns / calibration.width)
             covered_fields[min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)] = 1
     return covered_fields

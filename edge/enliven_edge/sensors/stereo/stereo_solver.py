@@ -98,7 +98,9 @@ def disparity_offset(
     """
     cv, lens = import_opencv(), calibration.left
     points, left, right = sighting.find_common_corners(board)
-    columns = [each[:, 0] for each in _rectify_points(rectification, calibration, left, right)]
+    columns = [
+        pixel_points[:, 0] for pixel_points in _rectify_points(rectification, calibration, left, right)
+    ]
     _, turn, shift = cv.solvePnP(points, left, lens.matrix(), np.array(lens.distortion))
     depth = ((points @ cv.Rodrigues(turn)[0].T + shift.T) @ rectification.rotations[0].T)[:, 2]
     expected = rectification.intrinsics.fx * rectification.baseline / depth
@@ -161,7 +163,7 @@ def _fit(
 
 def _lens(matrix: Float, distortion: Float) -> StereoLens:
     k1, k2, p1, p2, k3 = (float(v) for v in np.ravel(distortion)[:5])
-    fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    fx, fy, cx, cy = (float(matrix[cell]) for cell in ((0, 0), (1, 1), (0, 2), (1, 2)))
     return StereoLens(fx, fy, cx, cy, (k1, k2, p1, p2, k3))
 
 
@@ -185,12 +187,14 @@ def _cross_validate(board: CalibrationBoard, used: list[BoardSighting], size: tu
 
     Each half of the sightings is tested with a calibration from the other half.
     """
-    off = []
+    errors = []
     for training in (0, 1):
         calibration, _ = _fit(board, used[training::2], size)
         rectification = Rectification(calibration)
-        off += [disparity_offset(board, test, rectification, calibration) for test in used[1 - training :: 2]]
-    return float(np.sqrt(np.mean(np.square(off))))
+        errors += [
+            disparity_offset(board, test, rectification, calibration) for test in used[1 - training :: 2]
+        ]
+    return float(np.sqrt(np.mean(np.square(errors))))
 
 
 def _widest_tilt(board: CalibrationBoard, used: list[BoardSighting], calibration: StereoCalibration) -> float:

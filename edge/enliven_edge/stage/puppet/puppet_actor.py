@@ -109,10 +109,10 @@ class PuppetActor(Actor):
         if not ((body.confidence > 0) & np.isfinite(body.joints).all(1)).any():
             where, remedy = f"possessing {self.character.id!r}", "Step in front of the sensor again."
             raise InputError(f"no joint of performer {body.id} is seen", where=where, remedy=remedy)
-        own = next((hold for hold in self.holds if hold.body == body.id), None)
-        if own is not None and mode == "extend":
-            points |= own.points
-        hold = own or self._create_hold(body.id, points)
+        own_hold = next((hold for hold in self.holds if hold.body == body.id), None)
+        if own_hold is not None and mode == "extend":
+            points |= own_hold.points
+        hold = own_hold or self._create_hold(body.id, points)
         hold.points = points
         hold.update(body, self._retargeting, self._time_ns, mirror=self.settings.mirror)
         others = [] if mode == "alone" else [other for other in self.holds if other is not hold]
@@ -145,8 +145,8 @@ class PuppetActor(Actor):
                 rehearsal.possess(body)
 
     def _create_hold(self, body: int, points: frozenset[int]) -> ControlPointHold:
-        how = self._puppet.locomotion
-        feet = FootDetector(how.contact, how.runner)
+        settings = self._puppet.locomotion
+        feet = FootDetector(settings.contact, settings.runner)
         return ControlPointHold(body, points, BoneTracker(_VISIBLE_EASE_S), feet, seen_ns=self._time_ns)
 
     def _find_paired_points(self, parts: str) -> frozenset[int]:
@@ -179,13 +179,13 @@ class PuppetActor(Actor):
             self._rest()
 
     def _rest(self) -> None:
-        still = PuppetState(self._puppet.rest.copy(), self._state.yaw, np.zeros(3))
+        rest_state = PuppetState(self._puppet.rest.copy(), self._state.yaw, np.zeros(3))
         if self._locomotion.can_step:
-            by = self._locomotion.compute_feet_centre(self._state) - self._locomotion.compute_feet_centre(
-                still
+            offset = self._locomotion.compute_feet_centre(self._state) - self._locomotion.compute_feet_centre(
+                rest_state
             )
-            still = PuppetState(still.places, still.yaw, by * np.array([1.0, 0.0, 1.0]))
-        self._state = still
+            rest_state = PuppetState(rest_state.places, rest_state.yaw, offset * np.array([1.0, 0.0, 1.0]))
+        self._state = rest_state
 
     def _update_holds(self, bodies: list[Body], time_ns: int) -> None:
         """Updates all holds from the bodies in view. A performer who returns is blended in."""
@@ -209,8 +209,8 @@ class PuppetActor(Actor):
             pose[rows] = hold.pose[rows]
         yaw = self._yaw_offset + lead.yaw if self._locomotion.can_step else 0.0
         size = self.settings.jump * float(np.ptp(self._puppet.mesh.vertices[:, 1]))
-        way = self._travel.stride * lead.path_position * cmath.exp(-1j * self._yaw_offset)
-        sample = PerformerInput(pose, yaw, lead.footing, size, way)
+        path = self._travel.stride * lead.path_position * cmath.exp(-1j * self._yaw_offset)
+        sample = PerformerInput(pose, yaw, lead.footing, size, path)
         if self._restarts or paused:
             self._restarts = False
             self._easing.restart_fade()
@@ -244,8 +244,8 @@ class PuppetActor(Actor):
         self._placed = True
         if not self.settings.meet:
             return
-        where = rotate(self._puppet.turn, self._puppet.mesh.vertices)
-        low, high = where.min(0), where.max(0)
+        turned_vertices = rotate(self._puppet.turn, self._puppet.mesh.vertices)
+        low, high = turned_vertices.min(0), turned_vertices.max(0)
         across = body.joints[0, 0] + self.settings.beside + self.aside - low[0]
         along = body.joints[0, 2] - (low[2] + high[2]) / 2
         place = np.array([across, self._puppet.place[1], along])

@@ -106,7 +106,7 @@ class Retargeting:
         for row, path in enumerate(self._paths):
             self._chains[row, [used.index(joint) for joint in path]] = 1.0
 
-    def pose(self, seen: BonePose) -> Float:
+    def compute_pose(self, seen: BonePose) -> Float:
         """Returns the joints (P, 3) in metres, in the body frame.
 
         The bone lengths are those of the performer of the key poses.
@@ -185,10 +185,10 @@ def _add_limb(
     grounded = chain[0] in (Joint.HIP_LEFT, Joint.HIP_RIGHT)
     for joint in limb.girdle[1:]:
         bones[joint] = _Bone(chain[0], _PELVIS if grounded else _CHEST)
-    own = np.cumsum(skeleton.lengths[list(limb.proper[1:])])
-    if len(own) == 0:
+    arc_lengths = np.cumsum(skeleton.lengths[list(limb.proper[1:])])
+    if len(arc_lengths) == 0:
         return
-    middles = (own - 0.5 * skeleton.lengths[list(limb.proper[1:])]) / max(own[-1], 1e-9)
+    middles = (arc_lengths - 0.5 * skeleton.lengths[list(limb.proper[1:])]) / max(arc_lengths[-1], 1e-9)
     ends = np.cumsum(lengths) / lengths.sum()
     for joint, middle in zip(limb.proper[1:], middles, strict=True):
         bones[joint] = _Bone(chain[1 + min(int(np.searchsorted(ends, middle)), len(ends) - 1)])

@@ -76,7 +76,7 @@ class EstimateAtPoints:
     def thin(self, step: int) -> EstimateAtPoints:
         """Returns a copy with every ``step``-th point."""
         surface, shown = (
-            np.ascontiguousarray(each[:, ::step]) for each in (self.surface, self.probabilities)
+            np.ascontiguousarray(array[:, ::step]) for array in (self.surface, self.probabilities)
         )
         return EstimateAtPoints(self.estimate, surface, shown, self.rays[::step])
 

@@ -293,10 +293,10 @@ def _refine(
         )
         halfway.append((report.energy, posture))
         yield _REFINEMENT_COST
-    most = np.inf if points is None else _MAX_ENERGY_RATIO * min(energy for energy, _ in halfway)
+    max_energy = np.inf if points is None else _MAX_ENERGY_RATIO * min(energy for energy, _ in halfway)
     ready = []
     for energy, posture in halfway:
-        if energy <= most:
+        if energy <= max_energy:
             posture, report = fitter.fit(
                 observation, posture, iterations=_HALF_STEPS, proportions=_LENGTH_WEIGHTS
             )

@@ -252,11 +252,13 @@ class MultiPersonTracker:
         def fit() -> None:
             while True:
                 try:
-                    each = waiting.popleft()
+                    track = waiting.popleft()
                 except IndexError:  # Another thread has taken the last item.
                     return
-                each.person.follow(view, each.pixels, is_fully_visible=each.is_whole, expected=each.expected)
-                each.is_fitted = True
+                track.person.follow(
+                    view, track.pixels, is_fully_visible=track.is_whole, expected=track.expected
+                )
+                track.is_fitted = True
 
         beside = min(len(visible), self.settings.people.threads) - 1
         if beside > 0 and self._threads is None:

@@ -185,20 +185,21 @@ class PeopleFinder:
         self, candidates: list[Candidate], view: FrameView, background: BackgroundModel
     ) -> list[Candidate]:
         """Returns the candidates to search for a body now."""
-        alone, missing = not self._tracks.people, self._tracks.has_missing_people
+        has_no_people, missing = not self._tracks.people, self._tracks.has_missing_people
         return [
             n
             for n in candidates
-            if not n.is_bystander and n.is_due(view.time_ns, background.age, alone=alone, missing=missing)
+            if not n.is_bystander
+            and n.is_due(view.time_ns, background.age, alone=has_no_people, missing=missing)
         ]
 
     def _start_search(self, due: list[Candidate], view: FrameView) -> None:
         """Starts to search candidates for bodies, unless the maximum number of people is already tracked."""
         sure = [n for n in due if n.is_convincing or n.is_confirmed]
-        most = self.settings.people.most - len(self._tracks.people)
-        if due and most > 0:
+        free_count = self.settings.people.most - len(self._tracks.people)
+        if due and free_count > 0:
             others = [n for n in due if n not in sure]
-            self._search.start(view, sure, others, alone=not self._tracks.people, max_bodies=most)
+            self._search.start(view, sure, others, alone=not self._tracks.people, max_bodies=free_count)
 
     def _move_to_frame(
         self,

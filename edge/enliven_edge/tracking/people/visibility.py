@@ -50,12 +50,12 @@ def compute_visible_trunk_fraction(view: FrameView, posture: Posture, pixels: Bo
     """Returns the fraction in [0, 1] of the visible trunk and head that is on the (h, w) ``pixels``."""
     ends, radii = posture.capsules()
     view_arguments = (view.z, pixels.astype(np.int16), 1, view.camera.camera, view.world_from_camera)
-    inside, covered, own = _samples(ends[_TRUNK], radii[_TRUNK], *view_arguments)
-    is_visible = inside & ~(covered & ~own)
+    inside, covered, own_pixels = _samples(ends[_TRUNK], radii[_TRUNK], *view_arguments)
+    is_visible = inside & ~(covered & ~own_pixels)
     return (
-        float((own & is_visible).sum() / len(own))
+        float((own_pixels & is_visible).sum() / len(own_pixels))
         if is_visible.mean() < _MIN_TRUNK_FRACTION
-        else float(own[is_visible].mean())
+        else float(own_pixels[is_visible].mean())
     )
 
 

@@ -200,10 +200,12 @@ class Mounting:
         if self._pose_stated:
             return
         differs = agreement.nearer + agreement.farther
-        enough = agreement.compared > 0.1 * view.z.size
+        has_enough_pixels = agreement.compared > 0.1 * view.z.size
         moved = differs > _MOVED_FRACTION and agreement.farther > _MIN_FARTHER_FRACTION
-        self._suspicious = self._suspicious + 1 if moved and enough else 0
-        self._differing = self._differing + 1 if differs > _CHECK_FRACTION * _MOVED_FRACTION and enough else 0
+        self._suspicious = self._suspicious + 1 if moved and has_enough_pixels else 0
+        self._differing = (
+            self._differing + 1 if differs > _CHECK_FRACTION * _MOVED_FRACTION and has_enough_pixels else 0
+        )
         looked = self._differing % _CHECK_INTERVAL_FRAMES == _SUSPICIOUS_FRAMES
         if self._suspicious >= _SUSPICIOUS_FRAMES or (looked and self._floor_is_elsewhere(view, people)):
             self._differing = 0
@@ -285,9 +287,11 @@ class Mounting:
         self._floor_searches += 1
         if self._floor_searches % _FLOOR_SEARCH_FRAMES != 1:
             return
-        points, before = unproject_depth(z * 1e3, self.camera.ray)[has_depth], self._suggested
+        points, old_suggestion = unproject_depth(z * 1e3, self.camera.ray)[has_depth], self._suggested
         self._suggested = pose = self._find_floor(points)
-        if pose is not None and (no_people or (before is not None and _is_same_floor(pose, before))):
+        if pose is not None and (
+            no_people or (old_suggestion is not None and _is_same_floor(pose, old_suggestion))
+        ):
             self.world_from_camera, self._floor_known, self.has_new_floor = pose, True, not no_people
         elif pose is None and no_people:
             self._place_by_guess(points)
@@ -299,13 +303,13 @@ class Mounting:
         if self._floor_searches % _FLOOR_SEARCH_FRAMES != 1 or has_depth.mean() < _MIN_DEPTH_FRACTION:
             return
         self._checks_left -= 1
-        points, before = unproject_depth(z * 1e3, self.camera.ray)[has_depth], self._suggested
+        points, old_suggestion = unproject_depth(z * 1e3, self.camera.ray)[has_depth], self._suggested
         self._suggested = self._find_floor(points)
         if self._suggested is None or self.world_from_camera is None:
             return
         if _is_same_floor(self._suggested, self.world_from_camera):
             self._checks_left = 0
-        elif before is not None and _is_same_floor(self._suggested, before):
+        elif old_suggestion is not None and _is_same_floor(self._suggested, old_suggestion):
             self._checks_left = 0
             self.world_from_camera, self.has_new_pose, self.needs_people_search = self._suggested, True, True
 

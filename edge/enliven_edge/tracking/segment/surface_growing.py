@@ -127,8 +127,8 @@ def reassign_detached_pieces(owner: Int16, z: Float, counts: Int) -> Int:
 
 def _find_largest_piece(owner_of: Int, size: Int, person: int) -> int:
     """Returns the number of a person's largest piece, or -1 without any piece."""
-    own = np.flatnonzero(owner_of == person)
-    return int(own[size[own].argmax()]) if len(own) else -1
+    pieces = np.flatnonzero(owner_of == person)
+    return int(pieces[size[pieces].argmax()]) if len(pieces) else -1
 
 
 @njit(cache=True, nogil=True)

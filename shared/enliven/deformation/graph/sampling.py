@@ -56,8 +56,8 @@ def sample_uniform_points(
     sample_positions = (np.arange(count) + rng.random(count)) / count * total
     faces = np.minimum(np.searchsorted(along, sample_positions), len(along) - 1)
     a, b = rng.random((2, count))
-    over = a + b > 1
-    a, b = np.where(over, 1 - a, a), np.where(over, 1 - b, b)
+    is_outside = a + b > 1
+    a, b = np.where(is_outside, 1 - a, a), np.where(is_outside, 1 - b, b)
     weights = np.stack([1 - a - b, a, b], -1)[..., None]
     return _surface_points(mesh, faces, weights, welded or weld(mesh))
 

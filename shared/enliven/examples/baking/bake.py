@@ -221,7 +221,7 @@ class _Fit:
     def _assign_seeds(self) -> None:
         """Assigns each vertex to the nearest seed along the surface."""
         self.pivots = np.ascontiguousarray(self._rest[self.seeds.vertices])
-        self._candidates = self.seeds.nearest(_CANDIDATE_TRANSFORMS)
+        self._candidates = self.seeds.find_nearest(_CANDIDATE_TRANSFORMS)
         self.indices = np.zeros((len(self._rest), 4), np.int32)
         self.indices[:, 0] = self._candidates[:, 0]
         self.weights = np.zeros((len(self._rest), 4))

@@ -56,9 +56,9 @@ def bake_morphs(
         weights, error = _measure_weights(mesh, frames, len(traits), shapes, size, missed)
         if not missed.frames or count == settings.targets:
             break
-        more = [_vertex_displacements(mesh, vertices) for vertices in missed.frames]
-        displacements = np.concatenate([displacements, [vertices for vertices, _ in more]])
-        normals = np.concatenate([normals, [vertex_normals for _, vertex_normals in more]])
+        more_displacements = [_vertex_displacements(mesh, vertices) for vertices in missed.frames]
+        displacements = np.concatenate([displacements, [vertices for vertices, _ in more_displacements]])
+        normals = np.concatenate([normals, [vertex_normals for _, vertex_normals in more_displacements]])
     moved_weights = displacements @ shapes.T / spread
     square = moved_weights.T @ moved_weights + _NORMAL_REGULARIZATION * len(moved_weights) * np.eye(count)
     normal_shapes = np.asarray(np.linalg.solve(square, moved_weights.T @ normals), np.float64)

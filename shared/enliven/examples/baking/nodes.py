@@ -72,7 +72,7 @@ class Seeds:
             remaining_scores[self.away[-1] <= radius] = 0.0
         return len(self.vertices) - old_count
 
-    def nearest(self, count: int) -> Int32:
+    def find_nearest(self, count: int) -> Int32:
         """Returns the nearest seeds (V, C) of each vertex, nearest first. Missing entries are -1."""
         count_there = min(count, len(self.vertices))
         order = np.argsort(self.away, axis=0, kind="stable")[:count_there].T

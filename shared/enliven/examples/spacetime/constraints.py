@@ -86,14 +86,14 @@ def _coordinate_links(one: Constraint, examples: Examples, frames: int, step: fl
     or a = value if b is None.
     """
     _check_constraint(one, frames)
-    p, f = examples.point(one.point), one.frame
+    p, f = examples.find_point(one.point), one.frame
     for axis in ("xyz".index(letter) for letter in one.axes):
         if isinstance(one, Position):
             yield one, (p, f, axis), None, float(one.place[axis])
         elif isinstance(one, Velocity):
             yield one, (p, f, axis), (p, f - 1, axis), float(one.velocity[axis]) * step
         else:
-            other = examples.point(one.other)
+            other = examples.find_point(one.other)
             if other == p:
                 raise InputError(f"{one} couples a point with itself", where=_ERROR_PLACE)
             yield one, (p, f, axis), (other, f, axis), float(one.apart[axis])

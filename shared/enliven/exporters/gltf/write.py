@@ -115,10 +115,10 @@ def _add_joints(scene: GltfScene, performance: Performance) -> None:
     standing = from_matrix(axes)
     tolerance, reach = performance.keys / 3.0, compute_largest_reaches(performance)
     joints = []
-    for k, at in enumerate(pivots):
+    for k, pivot in enumerate(pivots):
         rest_rotation = np.roll(standing[k], -1)
         node = scene.node(
-            holder, name=f"joint {k}", translation=json_numbers(at), rotation=json_numbers(rest_rotation)
+            holder, name=f"joint {k}", translation=json_numbers(pivot), rotation=json_numbers(rest_rotation)
         )
         for path, values, channel_tolerance in (
             ("translation", performance.positions[:, k], tolerance),

@@ -218,10 +218,10 @@ class UsdStage:
     def _bind(self, surface: UsdGeom.Mesh, mesh: Mesh) -> None:
         """Binds the materials of a mesh. A single material is bound to the whole mesh, and several materials
         to subsets of the faces."""
-        own = mesh.materials
-        assert own is not None
-        bound_materials = self._materials.add(own)
-        used_materials = np.unique(own.of).tolist()
+        mesh_materials = mesh.materials
+        assert mesh_materials is not None
+        bound_materials = self._materials.add(mesh_materials)
+        used_materials = np.unique(mesh_materials.of).tolist()
         surface.CreateDoubleSidedAttr(any(n < 0 or bound_materials[n].double_sided for n in used_materials))
         binding = UsdShade.MaterialBindingAPI.Apply(surface.GetPrim())
         materials = {
@@ -235,7 +235,7 @@ class UsdStage:
         for number, material in materials.items():
             name = unused(material.GetPrim().GetName(), names, "_")
             names.add(name)
-            faces = np.flatnonzero(own.of == number).astype(np.int32)
+            faces = np.flatnonzero(mesh_materials.of == number).astype(np.int32)
             subset = binding.CreateMaterialBindSubset(name, Vt.IntArray.FromNumpy(faces))
             UsdShade.MaterialBindingAPI.Apply(subset.GetPrim()).Bind(material)
         binding.SetMaterialBindSubsetsFamilyType(UsdGeom.Tokens.partition)

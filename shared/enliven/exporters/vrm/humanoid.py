@@ -153,14 +153,14 @@ def _bone_toward(skeleton: Skeleton, joint: int, toward: int) -> int:
 
 def _t_pose(skeleton: Skeleton, bones: dict[str, HumanoidBone], facing: Float) -> dict[str, Float]:
     """Returns the rotation (4,) of each bone from the rest pose to the T-pose."""
-    at = rotate(facing, skeleton.positions)
+    positions = rotate(facing, skeleton.positions)
     rotations = dict[str, Float]()
     for name, bone in bones.items():
         end = _LIMB_ENDS.get(name.removeprefix("left").removeprefix("right"))
         side = "left" if name.startswith("left") else "right"
         if end is not None:
             target_direction = _LEFT_DIRECTION if side == "left" else -_LEFT_DIRECTION
-            direction = unit(at[bones[f"{side}{end}"].joint] - at[bone.joint])
+            direction = unit(positions[bones[f"{side}{end}"].joint] - positions[bone.joint])
             rotations[name] = multiply(
                 swing(direction, _DOWN_DIRECTION if "Leg" in name else target_direction), facing
             )

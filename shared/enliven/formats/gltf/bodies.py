@@ -74,9 +74,11 @@ def _measure_bodies(
     for node, k in number.items():
         node_weight = np.where(nodes == node, weights, 0.0).sum(1)
         bodies[k].mass = float(node_weight @ area)
-        mine = vertices[node_weight > 0.5] if (node_weight > 0.5).any() else vertices[node_weight > 0]
-        if len(mine):
-            bodies[k].reach = _find_far_end(bodies[k].rest, mine)
+        body_vertices = (
+            vertices[node_weight > 0.5] if (node_weight > 0.5).any() else vertices[node_weight > 0]
+        )
+        if len(body_vertices):
+            bodies[k].reach = _find_far_end(bodies[k].rest, body_vertices)
 
 
 def _vertex_areas(part: GltfPart, vertices: Float) -> Float:

@@ -123,7 +123,7 @@ def _compute_relative_rotation(
     (mover,) = rotating_nodes
     sampler = channels[mover]["rotation"]
     mover_index = node_path.index(mover)
-    before, after = (
+    parent_rotation, after = (
         _rotation_from_transform(_transform_product(local, node_path[:mover_index])),
         _rotation_from_transform(_transform_product(local, node_path[mover_index + 1 :])),
     )
@@ -131,11 +131,11 @@ def _compute_relative_rotation(
         _rotation_from_transform(bind.world[node]),
         _rotation_from_transform(np.eye(4) if above < 0 else bind.world[above]),
     )
-    if before is None or after is None or from_bind is None or to_bind is None:
+    if parent_rotation is None or after is None or from_bind is None or to_bind is None:
         return None
     if not _is_cubic(sampler) or _rotation_from_transform(local[mover]) is None:
         return None
-    left_factor, right_factor = multiply(to_bind, before), multiply(after, conjugate(from_bind))
+    left_factor, right_factor = multiply(to_bind, parent_rotation), multiply(after, conjugate(from_bind))
     seconds, values, slopes = _sampler_keys(file, sampler, "rotation")
     values, slopes = np.roll(values, 1, -1), np.roll(slopes, 1, -1)
     if np.abs(np.linalg.norm(values, axis=1) - 1.0).max() > _MAX_QUATERNION_LENGTH_ERROR:
@@ -204,7 +204,7 @@ def _check_curves(clip: Clip, curves: list[CubicKeys]) -> Clip:
     agreeing = list[CubicKeys]()
     size = max(float(clip.skeleton.lengths.sum()), 1e-9)
     for curve in curves:
-        values = curve.at(seconds)
+        values = curve.evaluate(seconds)
         if curve.turns:
             turns = finest.turns[:, curve.bone]
             if curve.bone:

@@ -128,8 +128,8 @@ def _make_rigged_model(surface: GltfSurface) -> Rig:
         raise file.create_error(f"it has {len(chosen)} joints, and no more than {_MAX_JOINTS} can move")
     size = float(np.ptp(mesh.vertices, axis=0).max())
     bodies = measure_bodies(surface, chosen, world)
-    ours = (file.document.asset.generator or "").startswith("enliven ")
-    tree = build_tree(bodies, size, ours)
+    is_own_file = (file.document.asset.generator or "").startswith("enliven ")
+    tree = build_tree(bodies, size, is_own_file)
     body_of = {node: number for number, node in enumerate(chosen)}
     skin = _skin_weights(parts, tree, body_of)
     shape = still_shape(mesh.name, tree.skeleton, mesh, skin)
@@ -221,7 +221,7 @@ def _animation_clip(
         fine = FineFrames(animation.seconds, turns, root, offsets, strains, mirrors)
     clip = Clip(name, tree.skeleton, turns, root, animation.step, offsets=offsets, strains=strains)
     clip = replace(clip, mirrors=mirrors)
-    return clip if fine is None else replace(clip.mapped(lambda track: track[even]), fine=fine)
+    return clip if fine is None else replace(clip.map_values(lambda track: track[even]), fine=fine)
 
 
 def _compute_mirrored_signs(animation: _Animation, tree: Tree, bodies: list[LinkBody]) -> Float | None:

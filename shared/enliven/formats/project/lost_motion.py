@@ -35,10 +35,10 @@ def replace_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any,
             mended = [_replace_lost_stream(part, streams, mended_streams, arrays) for part in parts]
             mended_characters[key] = {**character, "parts": mended}
     lost = {
-        str(_read_table_or_empty(streams.get(name, {}).get(each)).get(ARRAY))
+        str(_read_table_or_empty(streams.get(name, {}).get(field)).get(ARRAY))
         for name, stream in mended_streams.items()
         if stream is not streams.get(name)
-        for each in ("linear", "positions")
+        for field in ("linear", "positions")
     }
     return (
         ({**project, "streams": mended_streams, "characters": mended_characters}, lost)
@@ -60,14 +60,14 @@ def _replace_lost_stream(
     rest = arrays.get(str(_read_table_or_empty(possession.get("rest")).get(ARRAY)))
     stream = _read_table_or_empty(streams.get(str(name)))
     is_complete = all(
-        _read_table_or_empty(stream.get(each)).get(ARRAY) in arrays for each in ("linear", "positions")
+        _read_table_or_empty(stream.get(field)).get(ARRAY) in arrays for field in ("linear", "positions")
     )
     if is_complete or not isinstance(name, str) or rest is None or rest.ndim != 2 or rest.shape[1:] != (3,):
         return part
     table: dict[str, Any] = {"id": name, "step": stream.get("step", 1.0)}
     at_rest = np.array(rest[None], np.float64)
-    for each, array in (("linear", np.tile(np.eye(3), (1, len(rest), 1, 1))), ("positions", at_rest)):
-        table[each] = {ARRAY: array_checksum(array)}
+    for field, array in (("linear", np.tile(np.eye(3), (1, len(rest), 1, 1))), ("positions", at_rest)):
+        table[field] = {ARRAY: array_checksum(array)}
         arrays[array_checksum(array)] = array
     found[name] = table
     return {**part, "possession": {**possession, "solved": ""}}

@@ -55,7 +55,7 @@ def _make_one_character_project(character: RigBase, project: Project, *, painted
     at_rest, streams = character.at_rest(
         None if character.mesh is None else _lighten_mesh(character.mesh, painted)
     )
-    takes = (project.takes[name] for name in at_rest.needed()["takes"])
+    takes = (project.takes[name] for name in at_rest.find_needed_ids()["takes"])
     return Project().with_takes(*takes).with_streams(*streams).with_characters(at_rest)
 
 

@@ -68,8 +68,8 @@ def _scale_and_move(rig: Rig, scale: float, by: Float) -> Rig:
 
 def _resize_clip(clip: Clip, skeleton: Skeleton, scale: float, by: Float) -> Clip:
     offsets = None if clip.offsets is None else clip.offsets * scale
-    fine = None if clip.fine is None else clip.fine.scaled(scale, by)
-    cubic = tuple(curve.scaled(scale, by) for curve in clip.cubic)
+    fine = None if clip.fine is None else clip.fine.scale_and_move(scale, by)
+    cubic = tuple(curve.scale_and_move(scale, by) for curve in clip.cubic)
     root = clip.root * scale + by
     return replace(clip, skeleton=skeleton, root=root, offsets=offsets, fine=fine, cubic=cubic)
 

@@ -296,7 +296,7 @@ class _Joints:
         above = [-1 if self.parents[old] < 0 else new[self.parents[old]] for old in order]
         names = tuple(self.names[old] for old in order)
         skeleton = Skeleton(names, np.array(above, np.int32), np.array([self.rest[old] for old in order]))
-        drivers, bodies = ([some[old] for old in order] for some in (self.drivers, self.bodies))
+        drivers, bodies = ([values[old] for old in order] for values in (self.drivers, self.bodies))
         return skeleton, drivers, bodies, {j: new[k] for j, k in bone.items()}
 
 

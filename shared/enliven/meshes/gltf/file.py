@@ -113,7 +113,11 @@ class GltfFile:
         packed = getattr(primitive.extensions, DRACO, None)
         if packed is None:
             return
-        accessor_numbers = {name: at for name, at in vars(packed.attributes).items() if isinstance(at, int)}
+        accessor_numbers = {
+            name: accessor_number
+            for name, accessor_number in vars(packed.attributes).items()
+            if isinstance(accessor_number, int)
+        }
         try:
             arrays, faces = draco_arrays(
                 self.data_of_view(packed.bufferView), accessor_numbers, str(self.path)

@@ -153,9 +153,9 @@ def world_matrices(file: GltfFile, locals_: Locals) -> Float:
     local = compose_matrices(locals_.translation, locals_.rotation, locals_.scale)
     for number, matrix in locals_.fixed.items():
         local[:, number] = matrix
-    world, done = local.copy(), set[int]()
+    world, finished_nodes = local.copy(), set[int]()
     for node in range(len(file.parents)):
-        _compute_world(file.parents, world, local, done, node)
+        _compute_world(file.parents, world, local, finished_nodes, node)
     return world
 
 
@@ -305,20 +305,20 @@ def sample_channel(keys: Float, values: Float, interpolation: str, path: str, ti
     if len(keys) == 1:
         return np.repeat(points[:1], len(times), 0)
     times = np.clip(times, keys[0], keys[-1])
-    before = np.clip(np.searchsorted(keys, times, "right") - 1, 0, len(keys) - 2)
-    span = np.maximum(keys[before + 1] - keys[before], 1e-12)
-    fraction = np.clip((times - keys[before]) / span, 0.0, 1.0)
+    previous = np.clip(np.searchsorted(keys, times, "right") - 1, 0, len(keys) - 2)
+    span = np.maximum(keys[previous + 1] - keys[previous], 1e-12)
+    fraction = np.clip((times - keys[previous]) / span, 0.0, 1.0)
     if interpolation == "STEP":
-        return np.asarray(points[np.where(fraction >= 1.0, before + 1, before)])
+        return np.asarray(points[np.where(fraction >= 1.0, previous + 1, previous)])
     if cubic:
-        curve = _hermite_spline(values, before, span[:, None], fraction[:, None])
+        curve = _hermite_spline(values, previous, span[:, None], fraction[:, None])
         return unit(curve) if path == "rotation" else curve
     if path == "rotation":
         # slerp works with any order of the quaternion components, because both quaternions use the same
         # order.
-        a, b = unit(points[before]), unit(points[before + 1])
+        a, b = unit(points[previous]), unit(points[previous + 1])
         return np.roll(rotation.slerp(np.roll(a, 1, -1), np.roll(b, 1, -1), fraction), -1, -1)
-    return np.asarray(points[before] + fraction[:, None] * (points[before + 1] - points[before]))
+    return np.asarray(points[previous] + fraction[:, None] * (points[previous + 1] - points[previous]))
 
 
 def _hermite_spline(values: Float, previous_keys: np.ndarray, span: Float, s: Float) -> Float:  # type: ignore[type-arg]

@@ -66,8 +66,8 @@ def paste_character(
         raise InputError(problem, where=character.where, remedy="Give three metres and seconds.")
     project, names = _with_takes_of(project, source, character)
     copy = character.with_takes_named(names).with_changes(id=unused(character_id, project.characters))
-    copy = get_rig_edits(copy).moved(
-        copy if delay == 0.0 else copy.later(delay), shift, IDENTITY, np.zeros(3)
+    copy = get_rig_edits(copy).move(
+        copy if delay == 0.0 else copy.delay_motion(delay), shift, IDENTITY, np.zeros(3)
     )
     return project.with_characters(copy), copy.id
 
@@ -78,7 +78,7 @@ def delete_character(project: Project, character_id: str) -> Project:
     Raises:
         InputError: if the character does not exist.
     """
-    return project.without(character_id)
+    return project.drop_character(character_id)
 
 
 def rename_character(project: Project, character_id: str, new_name: str) -> Project:
@@ -128,7 +128,7 @@ def move_character(
         raise InputError(
             f"it cannot be moved by {offset}, {turn}", where=character.where, remedy="Give finite numbers."
         )
-    return project.with_characters(get_rig_edits(character).moved(character, shift, turn, centre))
+    return project.with_characters(get_rig_edits(character).move(character, shift, turn, centre))
 
 
 def turn_character(project: Project, character_id: str, turn: AnyArray) -> Project:
@@ -151,7 +151,7 @@ def scale_character(project: Project, character_id: str, factor: float) -> Proje
     if not (np.isfinite(factor) and factor > 0.0):
         remedy = "Give a number above 0, or use mirror_character."
         raise InputError(f"it cannot be {factor} times as large", where=character.where, remedy=remedy)
-    return project.with_characters(get_rig_edits(character).scaled(character, float(factor)))
+    return project.with_characters(get_rig_edits(character).scale(character, float(factor)))
 
 
 def mirror_character(project: Project, character_id: str, normal: AnyArray | Sequence[float]) -> Project:
@@ -173,7 +173,7 @@ def shift_character(project: Project, character_id: str, delay: float) -> Projec
     Raises:
         InputError: if the character does not exist, or the delay is not a number.
     """
-    return project.with_characters(project.character(character_id).later(delay))
+    return project.with_characters(project.character(character_id).delay_motion(delay))
 
 
 def change_layers(project: Project, character_id: str, numbers: Iterable[int], **changes: Any) -> Project:
@@ -184,14 +184,14 @@ def change_layers(project: Project, character_id: str, numbers: Iterable[int], *
     Raises:
         InputError: if the character or layer does not exist, or a layer cannot be played with these values.
     """
-    character, wanted = project.character(character_id), set(numbers)
-    _check_layers(character, wanted)
+    character, wanted_numbers = project.character(character_id), set(numbers)
+    _check_layers(character, wanted_numbers)
     layers = (
-        _change_layer(layer, changes) if number in wanted else layer
+        _change_layer(layer, changes) if number in wanted_numbers else layer
         for number, layer in enumerate(character.playing)
     )
     changed_layers = character.with_playing(*layers)
-    get_rig_edits(changed_layers).check_layers(project, changed_layers, wanted)
+    get_rig_edits(changed_layers).check_layers(project, changed_layers, wanted_numbers)
     return project.with_characters(changed_layers)
 
 
@@ -265,7 +265,7 @@ def _with_takes_of(
             collection and the take's old id.
     """
     ids: dict[tuple[str, str], str] = {}
-    for collection, names in character.needed().items():
+    for collection, names in character.find_needed_ids().items():
         for name in sorted(names):
             new_takes, take = getattr(project, collection), getattr(source, collection)[name]
             if name not in new_takes or not are_identical(new_takes[name], take):

@@ -117,10 +117,10 @@ def _key_joint(project: Project, shape: RiggedCharacter, j: int, place: Float, t
     seen_at = evaluate_pose(project, shape.id, time)
     turns, joints = seen_at.turns, seen_at.joints
     start = joints[int(shape.skeleton.parents[j])]
-    way, bone = place - start, joints[j] - start
-    if min(np.linalg.norm(way), np.linalg.norm(bone)) < 1e-9:
+    target, bone = place - start, joints[j] - start
+    if min(np.linalg.norm(target), np.linalg.norm(bone)) < 1e-9:
         return project
-    turn = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
+    turn = swing(bone / np.linalg.norm(bone), target / np.linalg.norm(target))
     # The joint's world rotation is D = P K, with the key's rotation K and the product P of the rotations
     # before it. After a further rotation w in the world it is w D = P K', so the new key is K' = K D^-1 w D.
     key_rotation = multiply(multiply(conjugate(turns[j]), turn), turns[j])

@@ -73,7 +73,7 @@ def key_at(project: Project, character_id: str, handle: Handle, time: float) -> 
         return MotionKey(max(float(time), 0.0))
     layer = project.character(character_id).playing[number]
     take = _make_keyed_take(project, layer)
-    second = layer.played(time, take.duration)[0]
+    second = layer.find_played_time(time, take.duration)[0]
     exact = [key for key in take.keys if abs(key.second - second) < 1e-6]
     if exact:
         return exact[0]
@@ -106,8 +106,8 @@ def set_key(
     if number is None:
         new_key = replace(new_key, ease=ease or "smooth")
         if handle is not None:
-            at = _handle_number(character, handle)
-            return get_rig_edits(character).with_key_layer(project, character, at, new_key)
+            handle_index = _handle_number(character, handle)
+            return get_rig_edits(character).with_key_layer(project, character, handle_index, new_key)
         return _with_root_layer(project, character, new_key)
     layer = character.playing[number]
     key_seconds = _second_in_keys(project, layer, time)
@@ -168,7 +168,9 @@ def remove_key(project: Project, character_id: str, handle: Handle, key: int) ->
     if remaining:
         return _with_keys(project, character_id, number, remaining)
     project = remove_layer(project, character_id, number)
-    if any(layer.take in character.needed()[layer.source] for character in project.characters.values()):
+    if any(
+        layer.take in character.find_needed_ids()[layer.source] for character in project.characters.values()
+    ):
         return project
     takes = getattr(project, layer.source)
     return replace(project, **{layer.source: {key: take for key, take in takes.items() if key != layer.take}})
@@ -237,7 +239,7 @@ def _second_in_keys(project: Project, layer: LayerBase, time: float) -> float:
         InputError: if the time is before the start of the keys.
     """
     if layer.segments or layer.loop or layer.speed < 0.0:
-        return layer.played(time, project.length_of(layer))[0]
+        return layer.find_played_time(time, project.length_of(layer))[0]
     second = (layer.convert_to_unwarped_time(time) - layer.offset) * layer.speed
     if _frame_at(second) < 0:
         problem = f"the clip with its keys begins at {layer.offset:.2f} s"

@@ -90,9 +90,11 @@ def transfer_performance(
     }
     new_shape = new_shape.with_changes(parts=(replace(new_shape.parts[0], **when),))
     if _is_plain(project, target):
-        return new_project.without(name).with_characters(new_shape.with_changes(id=target_id)), target_id
+        return new_project.drop_character(name).with_characters(
+            new_shape.with_changes(id=target_id)
+        ), target_id
     called = unused(f"{target_id} performed", project.characters)
-    return new_project.without(name).with_characters(new_shape.with_changes(id=called)), called
+    return new_project.drop_character(name).with_characters(new_shape.with_changes(id=called)), called
 
 
 def _find_known_ends(target: RigBase, posed: Float) -> tuple[Float | None, Float | None]:

@@ -99,7 +99,7 @@ def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
         raise InputError(
             f"{recorded!r} is not one of these takes", where=f"takes {alternatives!r}", remedy=remedy
         )
-    before = project
+    old_project = project
     for character in list(project.characters.values()):
         if any(_plays_recording(layer, alternatives, recorded) for layer in character.playing):
             project = _remove_recording(project, character, alternatives, recorded)
@@ -108,7 +108,7 @@ def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
     if takes[recorded] and remaining:
         position = names.index(recorded)
         project = choose_take(project, alternatives, remaining[max(position - 1, 0)])
-    return _remove_unneeded_takes(before, project)
+    return _remove_unneeded_takes(old_project, project)
 
 
 def keep_take(project: Project, alternatives: str, recorded: str) -> Project:
@@ -159,7 +159,9 @@ def _remove_unneeded_takes(old_project: Project, project: Project) -> Project:
     needs."""
 
     def needed(a_project: Project, kind: str) -> set[str]:
-        return set().union(*(character.needed()[kind] for character in a_project.characters.values()))
+        return set().union(
+            *(character.find_needed_ids()[kind] for character in a_project.characters.values())
+        )
 
     changes: dict[str, Any] = {}
     for kind in ("takes", "streams", "bodies"):

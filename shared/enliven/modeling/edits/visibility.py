@@ -90,12 +90,12 @@ def rename_take(project: Project, name: str, new_name: str) -> Project:
         key: character.with_takes_named(
             {
                 (collection, number): (new_name if (collection, number) == ("takes", name) else number)
-                for collection, ids in character.needed().items()
+                for collection, ids in character.find_needed_ids().items()
                 for number in ids
             }
         )
         for key, character in project.characters.items()
-        if name in character.needed()["takes"]
+        if name in character.find_needed_ids()["takes"]
     }
     return replace(project, takes=takes, characters={**project.characters, **users})
 
@@ -106,7 +106,11 @@ def delete_take(project: Project, name: str) -> Project:
     Raises:
         InputError: if the take does not exist, or a character plays it.
     """
-    users = [character.id for character in project.characters.values() if name in character.needed()["takes"]]
+    users = [
+        character.id
+        for character in project.characters.values()
+        if name in character.find_needed_ids()["takes"]
+    ]
     if name not in project.takes or users:
         problem = f"{users[0]} plays it" if users else "it does not exist"
         remedy = "Remove its clips from the timeline first." if users else ""

@@ -105,8 +105,8 @@ class Side:
         self.old = np.full(len(properties), -1, np.int64)
         self.old[self.used[same]] = nearest[same]
         corners = self.old[self.triangles]
-        own = solid.mesh.faces[self.source] if len(self.source) else corners
-        turned = np.stack([np.roll(own, k, 1) for k in range(3)], 1)
+        source_faces = solid.mesh.faces[self.source] if len(self.source) else corners
+        turned = np.stack([np.roll(source_faces, k, 1) for k in range(3)], 1)
         self.whole = np.asarray((turned == corners[:, None]).all(2).any(1))
         self.lost = len(np.unique(self.source)) < len(solid.mesh.faces)
         self.new = bool((~self.whole).any())
@@ -191,9 +191,12 @@ class UnionBuilder:
         start = sum(count for _, count in groups)
         for side, mesh in zip(self.sides, self.meshes, strict=True):
             source = side.source[~side.whole]
-            own = corners[start : start + len(source)]
+            source_corners = corners[start : start + len(source)]
             groups.append(
-                (materials_within(mesh.materials, mesh.vertices[mesh.faces], own, source), len(source))
+                (
+                    materials_within(mesh.materials, mesh.vertices[mesh.faces], source_corners, source),
+                    len(source),
+                )
             )
             start += len(source)
         groups += [(side.solid.leaves.materials, len(side.solid.leaves.faces)) for side in self.sides]
@@ -203,10 +206,10 @@ class UnionBuilder:
         """Returns the uncut faces (K, 3) of one side in their old order. ``number`` gives the new number of
         each vertex."""
         order = np.sort(side.source[side.whole])
-        at = np.full(len(side.solid.mesh.vertices), -1, np.int64)
+        new_numbers = np.full(len(side.solid.mesh.vertices), -1, np.int64)
         traced = np.flatnonzero(side.old >= 0)
-        at[side.old[traced]] = number[traced]
-        return np.asarray(at[side.solid.mesh.faces[order]])
+        new_numbers[side.old[traced]] = number[traced]
+        return np.asarray(new_numbers[side.solid.mesh.faces[order]])
 
     def _make_kept_skin(self, k: int, kept_vertices: Int | Int32, bones: int) -> SkinWeights:
         """Returns the skin of the kept vertices. Vertices that close a hole get the interpolated skin of its
@@ -237,14 +240,14 @@ class UnionBuilder:
             face, corner = np.nonzero(row[side.triangles] >= 0)
             vertex = side.triangles[face, corner]
             vertex, first = np.unique(vertex, return_index=True)
-            own = mesh.faces[side.source[face[first]]]
-            coordinates = barycentric(self.places[vertex], mesh.vertices[own])
-            corners, inverse = np.unique(own, return_inverse=True)
+            source_faces = mesh.faces[side.source[face[first]]]
+            coordinates = barycentric(self.places[vertex], mesh.vertices[source_faces])
+            corners, inverse = np.unique(source_faces, return_inverse=True)
             full = skins.make_dense_weights(self._make_kept_skin(k, corners, bones), bones)[
                 inverse.reshape(-1, 3)
             ]
             weights[row[vertex]] = (coordinates[..., None] * full).sum(1)
-            paint[row[vertex]] = (coordinates[..., None] * own_paint[own]).sum(1)
+            paint[row[vertex]] = (coordinates[..., None] * own_paint[source_faces]).sum(1)
         return weights, paint
 
     def _average_seam_skin(

@@ -149,11 +149,11 @@ def _border_loops(mates: Int, corner: Int) -> list[Int]:
     into = dict(zip(flat[after].tolist(), border_edges.tolist(), strict=True))
     loops, remaining = list[Int](), set(border_edges.tolist())
     for start in border_edges.tolist():
-        loop, at = list[int](), start
-        while at in remaining:
-            remaining.remove(at)
-            loop.append(at)
-            at = into[int(flat[at])]
+        loop, vertex = list[int](), start
+        while vertex in remaining:
+            remaining.remove(vertex)
+            loop.append(vertex)
+            vertex = into[int(flat[vertex])]
         if loop:
             loops.append(np.array(loop))
     return loops

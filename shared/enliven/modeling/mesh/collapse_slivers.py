@@ -105,12 +105,12 @@ class _Patch:
         moved = (self.of[a] | self.of[b]) - both
         if not moved:
             return False
-        before = np.array([self.vertices[self.faces[f]] for f in moved])
+        old_corners = np.array([self.vertices[self.faces[f]] for f in moved])
         after = np.array(
             [[place if v in (a, b) else self.vertices[v] for v in self.faces[f] or ()] for f in moved]
         )
         normals_before, normals_after = (
-            np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (before, after)
+            np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (old_corners, after)
         )
         sizes = np.linalg.norm(normals_before, axis=1) * np.linalg.norm(normals_after, axis=1)
         return bool(

@@ -64,10 +64,10 @@ class CutPlan:
     def __post_init__(self) -> None:
         if len(self.mesh.faces) == 0:
             raise InputError("the mesh has no faces", where=self.mesh.name, remedy="Give a mesh to cut.")
-        at = self.mesh.vertices if self.posed is None else np.asarray(self.posed, np.float64)
-        if at.shape != self.mesh.vertices.shape or not np.isfinite(at).all():
+        posed_vertices = self.mesh.vertices if self.posed is None else np.asarray(self.posed, np.float64)
+        if posed_vertices.shape != self.mesh.vertices.shape or not np.isfinite(posed_vertices).all():
             raise InputError(
-                f"positions have shape {at.shape} or are not finite",
+                f"positions have shape {posed_vertices.shape} or are not finite",
                 where=self.mesh.name,
                 remedy="Repair the mesh.",
             )
@@ -75,13 +75,17 @@ class CutPlan:
         self.faces = welded.faces.astype(np.int64)
         first = np.zeros(len(welded.vertices), np.int64)
         first[self.of[::-1]] = np.arange(len(self.of))[::-1]
-        self.first, self.rest, self.at = first, welded.vertices, at[first]
-        self.field = self.surface.field(self.at) if self.values is None else self._remove_islands()
+        self.first, self.rest, self.at = first, welded.vertices, posed_vertices[first]
+        self.field = (
+            self.surface.compute_distances(self.at) if self.values is None else self._remove_islands()
+        )
         self.shift = self._offset_off_vertices()
         self.far = self.field > self.shift
         self.found: Crossings = find_crossings(self.faces, self.far)
         self.share = self._find_crossing_positions(self.found.edges)
-        self.places = self.surface.flat(self.interpolate_on_edges(self.at, self.found.edges, self.share))
+        self.places = self.surface.compute_coordinates(
+            self.interpolate_on_edges(self.at, self.found.edges, self.share)
+        )
         self.count = int(self.found.loops.max(initial=-1)) + 1
         self.chosen = np.zeros(0, np.int64)
 
@@ -90,10 +94,10 @@ class CutPlan:
         the widest gap between field values near 0."""
         ends = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         low, high = self.field[ends].min(1), self.field[ends].max(1)
-        met = (low <= 0) & (high >= 0)
-        if not met.any():
+        is_cut = (low <= 0) & (high >= 0)
+        if not is_cut.any():
             return 0.0
-        window = _MAX_SLIDE_EDGES * float(np.median((high - low)[met]))
+        window = _MAX_SLIDE_EDGES * float(np.median((high - low)[is_cut]))
         near = self.field[np.abs(self.field) < window]
         stops = np.concatenate([[-window], np.sort(near), [window]])
         wide = np.diff(stops)
@@ -137,7 +141,9 @@ class CutPlan:
             return np.clip(guess, 1e-6, 1 - 1e-6)
         for _ in range(40):
             middle = (low + high) / 2
-            value = self.surface.field(self.interpolate_on_edges(self.at, edges, middle)) - self.shift
+            value = (
+                self.surface.compute_distances(self.interpolate_on_edges(self.at, edges, middle)) - self.shift
+            )
             same = (value > 0) == (start > 0)
             low, high = np.where(same, middle, low), np.where(same, high, middle)
         return np.clip((low + high) / 2, 1e-6, 1 - 1e-6)

@@ -18,12 +18,12 @@ from enliven.errors import InputError
 class CutSurface(Protocol):
     """The protocol of a surface that cuts a mesh."""
 
-    def field(self, points: Float) -> Float:
+    def compute_distances(self, points: Float) -> Float:
         """Returns (N,) signed distances of points (N, 3): positive on the far side, negative on the near
         side."""
         ...
 
-    def flat(self, points: Float) -> Float:
+    def compute_coordinates(self, points: Float) -> Float:
         """Returns (N, 2) coordinates on the surface, approximately in metres."""
         ...
 
@@ -54,17 +54,17 @@ class PlaneCut(CutSurface):
         object.__setattr__(self, "point", np.array(self.point, np.float64))
         object.__setattr__(self, "normal", normal / length)
 
-    def field(self, points: Float) -> Float:
+    def compute_distances(self, points: Float) -> Float:
         return np.asarray((points - self.point) @ self.normal)
 
-    def flat(self, points: Float) -> Float:
+    def compute_coordinates(self, points: Float) -> Float:
         across = np.cross(self.normal, np.eye(3)[np.argmin(np.abs(self.normal))])
         across /= np.linalg.norm(across)
         axes = np.stack([across, np.cross(self.normal, across)])
         return np.asarray((points - self.point) @ axes.T)
 
     def covers(self, points: Float) -> Bool:
-        return np.asarray(np.linalg.norm(self.flat(points), axis=1) <= self.reach)
+        return np.asarray(np.linalg.norm(self.compute_coordinates(points), axis=1) <= self.reach)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +94,10 @@ class StrokeCut(CutSurface):
         object.__setattr__(self, "stroke", stroke)
         object.__setattr__(self, "picture_from_world", np.array(self.picture_from_world, np.float64))
 
-    def field(self, points: Float) -> Float:
+    def compute_distances(self, points: Float) -> Float:
         return self._stroke_coordinates(points)[1]
 
-    def flat(self, points: Float) -> Float:
+    def compute_coordinates(self, points: Float) -> Float:
         if len(points) == 0:
             return np.zeros((0, 2))
         along, _, depth = self._stroke_coordinates(points)

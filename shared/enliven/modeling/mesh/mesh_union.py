@@ -97,11 +97,13 @@ def _materials_after(mesh: Mesh, new: Bool, corners: Float) -> MeshMaterials | N
     if mesh.materials is None:
         return None
     touching = np.asarray(new[mesh.faces].any(1))
-    before, still = np.flatnonzero(touching), np.flatnonzero(~touching)
+    changed_faces, unchanged_faces = np.flatnonzero(touching), np.flatnonzero(~touching)
     old = mesh.vertices[mesh.faces]
-    after = corners[len(still) :]
+    after = corners[len(unchanged_faces) :]
     if not len(after):
-        return mesh.materials.select_faces(still)
-    nearest = scipy.spatial.cKDTree(old[before].mean(1)).query(after.mean(1))[1]
-    inner = materials_within(mesh.materials, old, after, before[nearest])
-    return join_materials([(mesh.materials.select_faces(still), len(still)), (inner, len(after))])
+        return mesh.materials.select_faces(unchanged_faces)
+    nearest = scipy.spatial.cKDTree(old[changed_faces].mean(1)).query(after.mean(1))[1]
+    inner = materials_within(mesh.materials, old, after, changed_faces[nearest])
+    return join_materials(
+        [(mesh.materials.select_faces(unchanged_faces), len(unchanged_faces)), (inner, len(after))]
+    )

@@ -85,11 +85,11 @@ def plane_of_symmetry(mesh: Mesh) -> Plane | None:
         _refine_plane(second_cloud, candidate.normal, 8, candidate.offset)
         for candidate in _find_distinct_planes(first)
     ]
-    likely = [candidate for candidate in second if candidate.gap <= 1.5 * TOLERANCE]
-    likely.sort(
+    likely_planes = [candidate for candidate in second if candidate.gap <= 1.5 * TOLERANCE]
+    likely_planes.sort(
         key=lambda one: (abs(one.normal[1]) >= _MAX_HORIZONTAL_SINE, -_round_extent(points, one), one.gap)
     )
-    last = (_refine_plane(last_cloud, candidate.normal, 4, candidate.offset) for candidate in likely)
+    last = (_refine_plane(last_cloud, candidate.normal, 4, candidate.offset) for candidate in likely_planes)
     best = next((candidate for candidate in last if candidate.gap <= TOLERANCE), None)
     if best is None:
         return None

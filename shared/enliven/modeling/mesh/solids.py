@@ -61,7 +61,7 @@ def solid_from_mesh(mesh: Mesh) -> Solid | str:
     )
     if signed_volume(closed_mesh) < 0:
         notes.append("the mesh was inside out: its faces were reversed")
-        closed_mesh, leaves = closed_mesh.turned(), leaves.turned()
+        closed_mesh, leaves = closed_mesh.flip_faces(), leaves.flip_faces()
     manifold, number = _manifold_solid(closed_mesh, closed.label)
     if manifold.status() != manifold3d.Error.NoError:
         return f"manifold3d reports {manifold.status()}"

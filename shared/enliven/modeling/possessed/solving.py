@@ -117,8 +117,8 @@ def possess_mesh(
         take = replace(take, id=unused(take.id, project.bodies))
     graph, name = DeformationGraph.build(mesh, nodes), unused(mesh.name or "mesh", project.characters)
     rest = graph.positions
-    still = np.tile(np.eye(3), (1, len(rest), 1, 1)), rest[None]
-    stream = PoseStream(unused(name, project.streams), *still, 1.0)
+    rest_motion = np.tile(np.eye(3), (1, len(rest), 1, 1)), rest[None]
+    stream = PoseStream(unused(name, project.streams), *rest_motion, 1.0)
     part = GraphPart(
         stream.id, np.arange(len(rest)), possession=replace(possession, take=take.id, rest=rest, solved="")
     )
@@ -151,7 +151,7 @@ def solve_again(
         if _motion_checksum(project, shape, entry[0]) != entry[2].solved
     ]
     parts = list(shape.parts)
-    for done, (number, part, how) in enumerate(due):
+    for finished_count, (number, part, how) in enumerate(due):
         (bare, rest), take, poses = (
             _extract_part_at_rest(shape, number),
             project.bodies[how.take],
@@ -161,10 +161,12 @@ def solve_again(
             poses.append(pose)
             if progress is not None:
                 fraction = (pose.time_ns * 1e-9 - how.start) / max(how.last(take) - how.start, 1e-9)
-                progress(min((done + fraction) / len(due), 1.0))
+                progress(min((finished_count + fraction) / len(due), 1.0))
         users = [layer for character in project.characters.values() for layer in character.playing]
-        alone = sum(layer.take == part.take for layer in users if layer.source == part.source) == 1
-        stream = stream_at_even_steps(bare, poses, part.take if alone else unused(shape_id, project.streams))
+        is_only_user = sum(layer.take == part.take for layer in users if layer.source == part.source) == 1
+        stream = stream_at_even_steps(
+            bare, poses, part.take if is_only_user else unused(shape_id, project.streams)
+        )
         solved = replace(how, rest=rest, solved=_motion_checksum(project, shape, number))
         parts[number] = replace(part, take=stream.id, nodes=np.arange(len(rest)), possession=solved)
         shape = shape.with_changes(parts=tuple(parts))

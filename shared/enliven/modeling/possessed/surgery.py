@@ -100,7 +100,7 @@ def merge_graphs(project: Project, merge: Merge) -> Project:
         (*host.parts, *parts),
         (*host.over, *(replace(layer, own=layer.own + first) for layer in moved.over)),
     )
-    return project.without(graft.id).with_characters(merged)
+    return project.drop_character(graft.id).with_characters(merged)
 
 
 def _cut_side(shape: GraphCharacter, piece: Piece, side_id: str) -> GraphCharacter:

@@ -27,7 +27,7 @@ def drag_point(project: Project, puppet_id: str, point: int, place: AnyArray, ti
     if layer is None:
         raise InputError("the puppet plays no take", where=puppet.where, remedy="Choose a take for it first.")
     state = evaluate_puppet_state(project, puppet, time)
-    second = layer.played(time, project.takes[layer.take].duration)[0]
+    second = layer.find_played_time(time, project.takes[layer.take].duration)[0]
     number = key_pose_at(project, puppet, layer.take, second)
     places: Float = np.array(state.places if number is None else puppet.poses[number].places)
     places[point] = convert_to_mesh_frame(puppet, state, place)

@@ -87,7 +87,7 @@ def merge_puppets(project: Project, merge: Merge) -> Project:
     Raises:
         InputError: if the union of the meshes fails.
     """
-    time, messages, before = merge.time, merge.notes, project.puppet(merge.host)
+    time, messages, old_host = merge.time, merge.notes, project.puppet(merge.host)
     host, graft = (_Side(project, project.puppet(name), time) for name in (merge.host, merge.graft))
     keys = list(dict.fromkeys([*host.keys, *graft.keys]))
     host.solve_key_pose_surfaces(keys)
@@ -96,9 +96,9 @@ def merge_puppets(project: Project, merge: Merge) -> Project:
     to_host, to_graft = host.fit_surface_motion(middle), graft.fit_surface_motion(middle)
     united_mesh = _unite_mesh(host.puppet, graft.puppet, to_host.inverse.after(to_graft), merge)
     merged = _Merge(host, graft, united_mesh, keys, middle).build_puppet(messages)
-    project = project.without(merge.graft)
+    project = project.drop_character(merge.graft)
     state = evaluate_puppet_state(project.with_characters(merged), merged, time)
-    return project.with_characters(align_puppet(merged, state, before, host.state))
+    return project.with_characters(align_puppet(merged, state, old_host, host.state))
 
 
 class _Side:
@@ -309,11 +309,11 @@ class _Merge:
 def _plays_same_frames(host: ExampleCharacter, graft: ExampleCharacter) -> bool:
     """Returns True if graft and host play the same frames of the same takes, so that the host can carry the
     graft."""
-    played = [
+    played_takes = [
         {(layer.take, layer.offset, layer.speed, layer.loop) for layer in puppet.layers if not layer.muted}
         for puppet in (host, graft)
     ]
-    return not played[1] or played[0] == played[1]
+    return not played_takes[1] or played_takes[0] == played_takes[1]
 
 
 def _unite_mesh(host: ExampleCharacter, graft: ExampleCharacter, to: _Rigid, merge: Merge) -> Union:
@@ -339,10 +339,10 @@ def _placeholder_skin(puppet: ExampleCharacter) -> SkinWeights:
 
 def _find_meeting_point(ours: Float, theirs: Float) -> Float:
     """Returns the centre of the region in which two surfaces are nearest, (3,) in metres of the world."""
-    away, which = scipy.spatial.cKDTree(ours).query(theirs)
+    distances, nearest = scipy.spatial.cKDTree(ours).query(theirs)
     scale = 0.02 * float(np.linalg.norm(np.ptp(theirs, axis=0)))
-    near = away <= away.min() + scale
-    return np.asarray((theirs[near].mean(0) + ours[which[near]].mean(0)) / 2)
+    near = distances <= distances.min() + scale
+    return np.asarray((theirs[near].mean(0) + ours[nearest[near]].mean(0)) / 2)
 
 
 def _vertices_around(points: Float, middle: Float, puppet: ExampleCharacter) -> Int:

@@ -60,7 +60,9 @@ def solve_surfaces(surface: PuppetSurface, places: Float) -> Float:
     3) in metres of the mesh's frame.
     """
     count = len(surface.mesh.vertices)
-    return np.array([surface.solve_from_rest(each) for each in places]).reshape(len(places), count, 3)
+    return np.array([surface.solve_from_rest(joint_places) for joint_places in places]).reshape(
+        len(places), count, 3
+    )
 
 
 def align_puppet(

@@ -45,9 +45,9 @@ class PuppetRig(RigEdits):
         middle = (low + high) / 2.0 * [1.0, 0.0, 1.0]
         return np.asarray(rotate(puppet.turn, middle) + puppet.place)
 
-    def seen(self, project: Project, puppet: ExampleCharacter, time: float) -> Float:
+    def compute_vertices(self, project: Project, puppet: ExampleCharacter, time: float) -> Float:
         """Returns the vertices (V, 3) in metres at a time of the project."""
-        return self.surface(project, puppet)(time)
+        return self.create_surface_player(project, puppet)(time)
 
     def create_player(self, project: Project, puppet: ExampleCharacter) -> Player:
         """Returns a function from a time to the puppet's frame and control points. The renderer solves the
@@ -74,7 +74,7 @@ class PuppetRig(RigEdits):
 
         return at
 
-    def surface(self, project: Project, puppet: ExampleCharacter) -> Callable[[float], Float]:
+    def create_surface_player(self, project: Project, puppet: ExampleCharacter) -> Callable[[float], Float]:
         """Returns a function from a time to the surface (V, 3) in metres. The solver is prepared only
         once."""
         solver = surface_of_puppet(puppet)
@@ -104,12 +104,12 @@ class PuppetRig(RigEdits):
         """Adds the pose at ``time`` as a key pose, with the control point ``handle`` moved to ``place``."""
         return drag_point(project, puppet.id, handle, place, time)
 
-    def moved(self, puppet: ExampleCharacter, offset: Float, turn: Float, about: Float) -> ExampleCharacter:
+    def move(self, puppet: ExampleCharacter, offset: Float, turn: Float, about: Float) -> ExampleCharacter:
         """Moves the puppet. Data in its own frame does not change."""
         place = rotate(turn, puppet.place - about) + about + offset
         return puppet.with_changes(turn=normalized(multiply(turn, puppet.turn)), place=place)
 
-    def scaled(self, puppet: ExampleCharacter, factor: float) -> ExampleCharacter:
+    def scale(self, puppet: ExampleCharacter, factor: float) -> ExampleCharacter:
         """Scales the mesh, its examples and strides. Flight still follows gravity, independent of size."""
 
         def scaled(vectors: AnyArray) -> Float:

@@ -73,8 +73,8 @@ def cut_puppet(
         InputError: if the puppet does not exist, the time is not finite, or the stroke cuts nothing off.
     """
     puppet, messages = project.puppet(puppet_id), [] if notes is None else notes
-    before, surface = evaluate_puppet_state(project, puppet, time), surface_of_puppet(puppet)
-    posed = convert_to_world_frame(puppet, before, surface.solve_from_rest(before.places))
+    old_state, surface = evaluate_puppet_state(project, puppet, time), surface_of_puppet(puppet)
+    posed = convert_to_world_frame(puppet, old_state, surface.solve_from_rest(old_state.places))
     cut = cut_by_stroke(puppet.mesh, None, stroke, posed)
     messages.extend(cut.notes)
     off_id = unused(puppet_id, project.characters)
@@ -89,7 +89,7 @@ def cut_puppet(
     for piece, name in zip(_order_by_feet(puppet, cut), (puppet_id, off_id), strict=True):
         half = _CutSide(project, unfolded_puppet, old_places, piece).build_puppet(name, messages)
         state = evaluate_puppet_state(project.with_characters(half), half, time)
-        halves.append(align_puppet(half, state, puppet, before))
+        halves.append(align_puppet(half, state, puppet, old_state))
     return project.with_characters(*halves), (puppet_id, off_id)
 
 
@@ -99,8 +99,8 @@ def _order_by_feet(puppet: ExampleCharacter, cut: Cut) -> tuple[Piece, Piece]:
     """
     feet = [point.vertex for point in puppet.points if point.foot]
     first, second = cut.larger_first
-    ours, theirs = (int(np.isin(feet, piece.kept).sum()) for piece in (first, second))
-    return (second, first) if theirs > ours else (first, second)
+    first_count, second_count = (int(np.isin(feet, piece.kept).sum()) for piece in (first, second))
+    return (second, first) if second_count > first_count else (first, second)
 
 
 class _CutSide:
@@ -193,9 +193,9 @@ class _CutSide:
         out = []
         for layer in self._puppet.layers:
             travels = layer.travel and feet <= names
-            more = tuple(new for new, leader in follow.items() if leader in layer.points)
+            following_points = tuple(new for new, leader in follow.items() if leader in layer.points)
             new_layer = remove_points_from(
-                replace(layer, points=(*layer.points, *more), travel=travels), names
+                replace(layer, points=(*layer.points, *following_points), travel=travels), names
             )
             if new_layer.points or not layer.points:
                 out.append(new_layer)

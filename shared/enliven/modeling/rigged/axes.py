@@ -94,4 +94,4 @@ def convert_mesh_axes(mesh: Mesh, root: Float, axes: Axes, to: Float) -> Mesh:
     are in metres."""
     vertices = to + axes.vectors(mesh.vertices - root)
     moved = replace(mesh, vertices=vertices)
-    return moved.turned() if axes.mirrored else moved
+    return moved.flip_faces() if axes.mirrored else moved

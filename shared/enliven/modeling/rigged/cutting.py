@@ -133,17 +133,20 @@ becomes the lower root."""
 def _cut_before_bone(shape: RiggedCharacter, j: int) -> Halves:
     """Separates bone j and its descendants from the other bones."""
     bones = list_bones(shape)
-    off = set(shape.skeleton.below(j))
-    lower = [bone for i, bone in enumerate(bones) if i in off]
-    return [bone for i, bone in enumerate(bones) if i not in off], [bones[shape.skeleton.parents[j]], *lower]
+    cut_joints = set(shape.skeleton.list_subtree(j))
+    lower = [bone for i, bone in enumerate(bones) if i in cut_joints]
+    return [bone for i, bone in enumerate(bones) if i not in cut_joints], [
+        bones[shape.skeleton.parents[j]],
+        *lower,
+    ]
 
 
 def _cut_at_joint(shape: RiggedCharacter, j: int) -> Halves:
     """Separates the descendants of joint j from the other bones."""
     bones = list_bones(shape)
-    off = set(shape.skeleton.below(j)) - {j}
-    lower = [bone for i, bone in enumerate(bones) if i in off]
-    return [bone for i, bone in enumerate(bones) if i not in off], [bones[j], *lower]
+    cut_joints = set(shape.skeleton.list_subtree(j)) - {j}
+    lower = [bone for i, bone in enumerate(bones) if i in cut_joints]
+    return [bone for i, bone in enumerate(bones) if i not in cut_joints], [bones[j], *lower]
 
 
 def _split_bone(

@@ -97,8 +97,8 @@ def merge(
     layers = _convert_layers(host, graft, axes)
     bones, names = graft_bones(host, j, graft, world, axes, {old: new.id for old, new in layers.items()})
     pins = (*host.pins, *_rename_pins(graft, names))
-    more = {"mesh": None, "skin": None, "pins": pins, "layers": (*host.layers, *layers.values())}
-    merged = with_travel_kept(project, host, rebuild_shape(host, [*list_bones(host), *bones], **more))
+    changes = {"mesh": None, "skin": None, "pins": pins, "layers": (*host.layers, *layers.values())}
+    merged = with_travel_kept(project, host, rebuild_shape(host, [*list_bones(host), *bones], **changes))
     theirs = replace(theirs, joints=theirs.joints + ours.joints[j] - theirs.joints[0])
     surfaces = _make_skinned_surface(host, ours, time), _make_skinned_surface(graft, theirs, time)
     numbers = np.array([merged.skeleton.index(names[name]) for name in graft.skeleton.names])
@@ -109,7 +109,7 @@ def merge(
     )
     del names[graft.skeleton.names[0]]
     merged = merged.with_changes(mesh=mesh, skin=skin)
-    return project.without(graft_id).with_characters(merged), names
+    return project.drop_character(graft_id).with_characters(merged), names
 
 
 def _convert_layers(host: RiggedCharacter, graft: RiggedCharacter, axes: Axes) -> dict[str, Layer]:

@@ -67,10 +67,10 @@ def drag_joint(
         shape = project.shape(shape_id)
         return project.with_characters(shape.with_changes(place=shape.place + point - joints[0]))
     start = joints[int(shape.skeleton.parents[j])]
-    way, bone = point - start, joints[j] - start
-    if min(np.linalg.norm(way), np.linalg.norm(bone)) < 1e-9:
+    target, bone = point - start, joints[j] - start
+    if min(np.linalg.norm(target), np.linalg.norm(bone)) < 1e-9:
         return project
-    turn = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
+    turn = swing(bone / np.linalg.norm(bone), target / np.linalg.norm(target))
     return turn_bone(project, shape_id, j, turn, time)
 
 

@@ -26,16 +26,16 @@ def split_spans(spans: Spans, at: float) -> tuple[Spans, Spans]:
     the span is split at the fraction v of its length. C(x) is the rotation of the layers at x, and C(0)^-1
     C(1) = C(0)^-1 C(v) C(v)^-1 C(1). The fixed rotation before the span stays with the upper bone.
     """
-    upper, lower, done = [], [], 0.0
+    upper, lower, end = [], [], 0.0
     total = sum(span.share for span in spans)
     for span in spans:
-        start, done = done, done + span.share / total
-        if done <= at + _MIN_BONE_FRACTION:
+        start, end = end, end + span.share / total
+        if end <= at + _MIN_BONE_FRACTION:
             upper.append(span)
         elif start >= at - _MIN_BONE_FRACTION:
             lower.append(span)
         else:
-            first, second = _split_span(span, (at - start) / (done - start))
+            first, second = _split_span(span, (at - start) / (end - start))
             upper.append(first)
             lower.append(second)
     return _scale_shares(upper, 1.0), _scale_shares(lower, 1.0)

@@ -58,7 +58,7 @@ def spread_motion(
         if number == own_limb:
             continue
         later = delay * ((number - own_limb) % len(group.limbs))
-        linear, fresh = group.between(own_limb, number), dict[str, str]()
+        linear, fresh = group.get_map(own_limb, number), dict[str, str]()
         for name in used:
             fresh[name] = unused(name, used_names)
             used_names[fresh[name]] = None
@@ -81,7 +81,7 @@ def reflect_layer(layer: Layer, linear: Float, name: str, delay: float = 0.0) ->
     if np.linalg.det(linear) < 0.0:
         linear, mirrored, basis = linear * [-1.0, 1.0, 1.0], not mirrored, basis * _MIRROR_SIGNS
     turned = canonical(multiply(from_matrix(linear), basis))
-    return replace(layer, id=name, basis=turned, mirrored=mirrored).later(delay)
+    return replace(layer, id=name, basis=turned, mirrored=mirrored).add_delay(delay)
 
 
 def _copy_span(span: Span, names: dict[str, str], linear: Float) -> Span:

@@ -117,10 +117,10 @@ class _Tracer:
     def _add_end(self, t: int, node: int, closed: list[int], bumps: dict[int, list[int]]) -> None:
         """Adds an end of the axis, from the last chord and the outline points beyond it."""
         region = np.array(sorted({*bumps.get(t, []), *(int(v) for v in self.triangles[t])}))
-        at = self._chord_node(t, closed[0]) if len(closed) == 1 else node
-        if at != node:
-            self.links.append((node, at))
-        self.tips[at] = region
+        end_node = self._chord_node(t, closed[0]) if len(closed) == 1 else node
+        if end_node != node:
+            self.links.append((node, end_node))
+        self.tips[end_node] = region
 
     def _make_single_bone_axis(self) -> Axis:
         """Returns the axis of an outline without limbs: a single bone along its longest extent."""
@@ -169,10 +169,10 @@ class _Tracer:
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
         far = along[-1] - along
         base = int(np.flatnonzero(far >= min(radii[-1], 0.5 * along[-1]))[-1])
-        before = int(np.flatnonzero(far >= min(far[base] + radii[-1], along[-1]))[-1])
-        if before == base:
-            before, base = 0, max(base, 1)
-        ahead = points[base] - points[before]
+        last_outside = int(np.flatnonzero(far >= min(far[base] + radii[-1], along[-1]))[-1])
+        if last_outside == base:
+            last_outside, base = 0, max(base, 1)
+        ahead = points[base] - points[last_outside]
         ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-300)
         reach = float(((self.outline[region] - points[base]) @ ahead).max()) - TIP * radii[base]
         end = self._add_node(points[base] + max(reach, 0.1 * radii[base]) * ahead, 0.5 * float(radii[base]))

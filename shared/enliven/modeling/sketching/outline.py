@@ -80,8 +80,8 @@ def _resample_polyline(points: Float, count: int, closed: bool) -> Float:
     """Returns (count, 2) points at equal steps along a polyline."""
     path = np.concatenate([points, points[:1]]) if closed else points
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    at = np.linspace(0.0, along[-1], count, endpoint=not closed)
-    return np.stack([np.interp(at, along, path[:, k]) for k in range(2)], 1)
+    arc_lengths = np.linspace(0.0, along[-1], count, endpoint=not closed)
+    return np.stack([np.interp(arc_lengths, along, path[:, k]) for k in range(2)], 1)
 
 
 def _find_crossing_segments(points: Float, closed: bool) -> Float:

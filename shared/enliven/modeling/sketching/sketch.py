@@ -126,10 +126,10 @@ def _build_skeleton(
     letters = 0
     for j in range(1, len(tree)):
         parent = int(tree.parents[j])
-        alone = len(tree.children[parent]) == 1 and branch[parent]
-        if not alone:
+        is_only_child = len(tree.children[parent]) == 1 and branch[parent]
+        if not is_only_child:
             letters += 1
-        branch.append(branch[parent] if alone else _number_as_letters(letters))
+        branch.append(branch[parent] if is_only_child else _number_as_letters(letters))
         names.append(f"{branch[j]}{1 + sum(b == branch[j] for b in branch[:j])}")
     return Skeleton(tuple(names), tree.parents, tree.positions)
 

@@ -112,15 +112,15 @@ def cotangent_laplacian(vertices: Float, faces: Int32) -> tuple[csc_matrix, Floa
         u, v = vertices[left] - vertices[tip], vertices[right] - vertices[tip]
         halves.append((left, right, (u * v).sum(1)))
         longest = np.maximum(longest, (u * u).sum(1))
-    least = np.maximum(area, 0.01 * longest)
-    least = np.where(least > 0, least, 1.0)
+    min_area = np.maximum(area, 0.01 * longest)
+    min_area = np.where(min_area > 0, min_area, 1.0)
     rows = np.concatenate([left for left, _, _ in halves] + [right for _, right, _ in halves])
     columns = np.concatenate([right for _, right, _ in halves] + [left for left, _, _ in halves])
-    values = np.tile(np.concatenate([dot / least for _, _, dot in halves]) / 2, 2)
+    values = np.tile(np.concatenate([dot / min_area for _, _, dot in halves]) / 2, 2)
     laplacian = coo_matrix((values, (rows, columns)), (count, count)).tocsr()
     laplacian.data = np.maximum(laplacian.data, 1e-6)
     degree = np.asarray(laplacian.sum(1)).ravel()
-    mass = np.bincount(faces.ravel(), np.repeat(least / 6, 3), count)
+    mass = np.bincount(faces.ravel(), np.repeat(min_area / 6, 3), count)
     return csc_matrix(diags(degree) - laplacian), np.maximum(mass, 1e-12 * float(mass.max() or 1.0))
 
 

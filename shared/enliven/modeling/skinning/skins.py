@@ -14,9 +14,9 @@ def renumber_bones(skin: SkinWeights, numbers: Int) -> SkinWeights:
     indices = numbers[skin.indices].astype(np.uint16)
     weights = skin.weights.copy()
     for slot in range(1, 4):
-        for before in range(slot):
-            same = (indices[:, slot] == indices[:, before]) & (weights[:, slot] > 0)
-            weights[same, before] += weights[same, slot]
+        for old_slot in range(slot):
+            same = (indices[:, slot] == indices[:, old_slot]) & (weights[:, slot] > 0)
+            weights[same, old_slot] += weights[same, slot]
             weights[same, slot] = 0.0
             indices[same, slot] = 0
     return SkinWeights(indices, weights)

@@ -69,7 +69,7 @@ def copy_motion(
         used_names = {**project.layer_names, **{layer.id: None for layer in new_layers.values()}}
         layer = source.layer(name)
         target_basis = canonical(multiply(basis, layer.basis))
-        new_layers[name] = replace(layer, id=unused(name, used_names), basis=target_basis).later(delay)
+        new_layers[name] = replace(layer, id=unused(name, used_names), basis=target_basis).add_delay(delay)
     if replaced:
         project = clear_chain(project, to_shape, to_chain)
         target = project.shape(to_shape)

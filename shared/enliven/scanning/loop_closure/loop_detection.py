@@ -224,12 +224,15 @@ def _loop_candidates(pieces: list[PlacedPiece]) -> set[tuple[int, int]]:
     candidates: set[tuple[int, int]] = set()
     reduced_images = [piece.small for piece in pieces]
     for m in range(_TRACKED_NEIGHBOURS + 1, len(pieces)):
-        before = pieces[: m - _TRACKED_NEIGHBOURS]
-        unseen = np.array([1.0 - _compute_shared_view_fraction(pieces[m], other) for other in before])
+        earlier_pieces = pieces[: m - _TRACKED_NEIGHBOURS]
+        unseen = np.array([1.0 - _compute_shared_view_fraction(pieces[m], other) for other in earlier_pieces])
         unlike = image_differences(reduced_images[m], reduced_images[: m - _TRACKED_NEIGHBOURS])
-        for measure, most in ((unseen, 1.0 - _MIN_SHARED_FRACTION), (unlike, _MAX_INVERSE_DEPTH_DIFFERENCE)):
+        for measure, max_value in (
+            (unseen, 1.0 - _MIN_SHARED_FRACTION),
+            (unlike, _MAX_INVERSE_DEPTH_DIFFERENCE),
+        ):
             candidates |= {
-                (int(n), m) for n in np.argsort(measure)[:_MAX_TESTED_SUBMAPS] if measure[n] < most
+                (int(n), m) for n in np.argsort(measure)[:_MAX_TESTED_SUBMAPS] if measure[n] < max_value
             }
     return candidates
 

@@ -203,7 +203,7 @@ class ObjectFollower:
         )
         return object_pixels, object_pixels & is_known
 
-    def views(self) -> Iterator[tuple[DepthView, Float]]:
+    def read_views(self) -> Iterator[tuple[DepthView, Float]]:
         """Yields the fused images and their poses (4, 4), object_from_camera. The images are restricted to
         points on the current surface of the object.
         """

@@ -53,12 +53,12 @@ def merge_rests(
         pose = rest.object_from_room
         if earlier_surface is not None and len(earlier_surface.faces):
             pose = _refine_pose(rest, pose, earlier_surface)
-        for count, (view, room_from_camera) in enumerate(rest.views(rest.numbers)):
+        for count, (view, room_from_camera) in enumerate(rest.read_views(rest.numbers)):
             volume.integrate(view, pose @ room_from_camera)
             if count % _CLEANING_INTERVAL == _CLEANING_INTERVAL - 1:
                 volume.clean()
     for follower in followers:
-        for count, (view, pose) in enumerate(follower.views()):
+        for count, (view, pose) in enumerate(follower.read_views()):
             volume.integrate(view, pose)
             if count % _CLEANING_INTERVAL == _CLEANING_INTERVAL - 1:
                 volume.clean()

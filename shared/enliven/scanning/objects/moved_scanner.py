@@ -194,18 +194,18 @@ class MovedScanner:
         is_model_full = self.model is not None and self.model.is_full
         return is_model_full or any(rest.scanner.is_full for rest in self.rests)
 
-    def surface(self, since: int = 0) -> Mesh:
+    def extract_surface(self, since: int = 0) -> Mesh:
         """Returns the surface of the first room with the object in it, as :meth:`Scanner.surface` does."""
-        return self.rests[0].scanner.surface(since)
+        return self.rests[0].scanner.extract_surface(since)
 
-    def thing(self) -> Mesh:
+    def extract_object(self) -> Mesh:
         """Returns the mesh of the object, merged from all rests: in its pose at the first rest, upright, on y
         = 0, metres.
 
         Raises:
             InputError: if no object stands on a floor.
         """
-        first_rest, surface = self.rests[0], self.surface()
+        first_rest, surface = self.rests[0], self.extract_surface()
         ground = find_ground(surface)
         self._relocate_in_all_rests()
         if len(self.rests) == 1 and not self.followed_images:

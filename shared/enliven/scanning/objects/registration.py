@@ -119,11 +119,11 @@ def register_part(model: ScannedSurface, part: ScannedSurface) -> Registration |
         part: the current scan, in any pose.
     """
     grid = make_nearest_grid(model.surface, _GRID_CELL_M, _GRID_MARGIN_M)
-    coarse_points = part.surface.first_points(_COARSE_POINTS)
+    coarse_points = part.surface.take_first(_COARSE_POINTS)
     starts = _start_poses(model.surface, coarse_points, _START_ROTATIONS)
     poses, scores = align_from_starts(grid, coarse_points, starts, _ICP_STEPS, _MAX_SURFACE_DISTANCE_M)
     best = _find_distinct_poses(poses, scores, _REFINED_CANDIDATES)
-    refinement_points = part.surface.first_points(_FINE_POINTS)
+    refinement_points = part.surface.take_first(_FINE_POINTS)
     poses, agreeing = align_from_starts(
         grid, refinement_points, poses[best], _FINE_STEPS, _MAX_SURFACE_DISTANCE_M
     )
@@ -150,10 +150,10 @@ def _compute_seen_through_fraction(model: ScannedSurface, part: ScannedSurface, 
     """Returns the fraction of a surface's points that the images of the other surface saw through, as the
     larger value of the two surfaces.
     """
-    moved_part = part.surface.first_points(_FINE_POINTS).transformed(pose)
+    moved_part = part.surface.take_first(_FINE_POINTS).transform(pose)
     part_share = seen_through(moved_part.points, model.views, _MIN_FREE_SPACE_M).mean()
     back = invert_pose(pose)
-    moved_model = model.surface.first_points(_FINE_POINTS).transformed(back)
+    moved_model = model.surface.take_first(_FINE_POINTS).transform(back)
     return float(max(part_share, seen_through(moved_model.points, part.views, _MIN_FREE_SPACE_M).mean()))
 
 

@@ -217,7 +217,7 @@ class ObjectRest:
         last = self.count if self.images is None else self.images
         return [number for number in self.scanner.history.numbers if number < last]
 
-    def views(self, numbers: list[int]) -> Iterator[tuple[DepthView, Float]]:
+    def read_views(self, numbers: list[int]) -> Iterator[tuple[DepthView, Float]]:
         """Yields images restricted to the object's points, and their (4, 4) room_from_camera."""
         if self.ground is None or not self.parts:
             return
@@ -257,7 +257,7 @@ def merge_known_surfaces(rests: Sequence[ObjectRest]) -> ScannedSurface | None:
         if pose is None or not rest.parts:
             continue
         surface = rest.find_scanned_surface()
-        moved_points = surface.surface.transformed(pose)
+        moved_points = surface.surface.transform(pose)
         points.append(moved_points.points)
         normals.append(moved_points.normals)
         views += [replace(v, frame_from_camera=pose @ v.frame_from_camera) for v in surface.views]

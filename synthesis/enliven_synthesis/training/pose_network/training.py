@@ -158,7 +158,7 @@ def measure(path: Path, dataset: Dataset) -> NetworkScores:
         persons.append((facing_logits.argmax(1) < FACINGS) == people)
         is_body = batch.parts != NOBODY
         parts.append((part_logits.argmax(1) == batch.parts)[is_body])
-    shares = [float(np.concatenate(each).mean()) for each in (*near, facing, parts, persons)]
+    shares = [float(np.concatenate(values).mean()) for values in (*near, facing, parts, persons)]
     return NetworkScores((shares[0], shares[1]), *shares[2:])
 
 

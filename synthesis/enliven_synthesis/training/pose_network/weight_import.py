@@ -118,7 +118,7 @@ def _read_weights(path: Path) -> dict[str, Float32]:
         graph = onnx.load(path).graph
     except Exception as error:  # The errors of onnx.load have no common base class.
         raise _mismatch_error(path, f"it cannot be read as a network ({type(error).__name__})") from None
-    arrays = {each.name: numpy_helper.to_array(each) for each in graph.initializer}
+    arrays = {initializer.name: numpy_helper.to_array(initializer) for initializer in graph.initializer}
     weights = {name: array for name, array in arrays.items() if array.dtype == np.float32}
     for node in graph.node:
         if node.op_type == "DequantizeLinear" and node.input[0] in arrays:

@@ -73,7 +73,7 @@ def test_the_copies_move_alike_and_later(linears, mirrored, seed, delay):
         later = seconds - delay * ((other - own) % len(group.limbs))
         then = evaluate_pose(before, "star", later).joints
         for start, end in group.joint_map(own, other).items():
-            np.testing.assert_allclose(now[end], group.between(own, other) @ then[start], atol=1e-9)
+            np.testing.assert_allclose(now[end], group.get_map(own, other) @ then[start], atol=1e-9)
 
 
 def test_spreading_again_leaves_no_layer_behind():

@@ -207,11 +207,11 @@ def fork(arm):
         project, copy = copy_character(project, "arm" if degrees > 0 else "copied")
         if degrees > 0:
             kept = project.shape(copy).with_changes(id="copied")
-            project = project.without(copy).with_characters(kept)
+            project = project.drop_character(copy).with_characters(kept)
             project, copy = copy_character(project, "copied")
         project = turn_bone(project, copy, 0, about_z(degrees))
         project, _ = merge(project, "arm", "arm 2", copy)
-    return project.without("copied")
+    return project.drop_character("copied")
 
 
 @pytest.mark.parametrize("time", [None, 0.0, 0.8])
@@ -233,7 +233,7 @@ def test_a_stroke_through_two_limbs_takes_both_off(fork, time):
             if name in seen:
                 assert angle(turn, seen[name]) < 1e-9
                 np.testing.assert_allclose(place, where[name], atol=1e-9)
-        sides = plane.field(surface(edited, part, time))
+        sides = plane.compute_distances(surface(edited, part, time))
         assert (sides < 0.15).all() if part == "arm" else (sides > -0.15).all()
     total = sum(volume(edited.shape(i).mesh.vertices, edited.shape(i).mesh.faces) for i in ids)
     whole = fork.shape("arm").mesh

@@ -53,9 +53,9 @@ class ActionTable:
             )
         for action in actions:
             rivals = [other for other in self if other.conflicts_with(action)]
-            taken = [(key, other) for key in action.keys for other in rivals if key in other.keys]
-            if action.id in self._actions or taken:
-                problem = f"{taken[0][0]} is {taken[0][1].id}'s" if taken else "it exists already"
+            conflicts = [(key, other) for key in action.keys for other in rivals if key in other.keys]
+            if action.id in self._actions or conflicts:
+                problem = f"{conflicts[0][0]} is {conflicts[0][1].id}'s" if conflicts else "it exists already"
                 raise InputError(problem, where=f"action {action.id}", remedy="Give it another id or key.")
             self._actions[action.id] = action
         if after:
@@ -134,8 +134,10 @@ class ActionTable:
 
     def find_conflict(self, action_id: str, key: str) -> Action | None:
         """Returns another action with the same shortcut that would conflict with this action."""
-        wanted = self._actions[action_id]
-        others = (action for action in self if action is not wanted and action.conflicts_with(wanted))
+        wanted_action = self._actions[action_id]
+        others = (
+            action for action in self if action is not wanted_action and action.conflicts_with(wanted_action)
+        )
         return next((action for action in others if key in self.find_shortcuts(action)), None)
 
     def set_shortcut(self, action_id: str, key: str) -> None:

@@ -107,8 +107,8 @@ def apply_colours() -> None:
         kind.nav_cursor: (*amber, 0.6),
         kind.modal_window_dim_bg: DIMMED,
     }
-    for which, colour in colours.items():
-        style.set_color_(which, ImVec4(*colour))
+    for colour_slot, colour in colours.items():
+        style.set_color_(colour_slot, ImVec4(*colour))
 
 
 def pack_colour(colour: Colour, opacity: float = 1.0) -> int:

@@ -89,13 +89,13 @@ def _draw_clips(workspace: Workspace, shape: RiggedCharacter) -> None:
     names = list_own_clips(editor.project, shape)
     if not names:
         return
-    played, moved = find_played_clip(editor.project, shape), bool(shape.layers)
+    played_clip, moved = find_played_clip(editor.project, shape), bool(shape.layers)
     imgui.set_next_item_width(-1)
-    if imgui.begin_combo("##clip", tr("Plays {0}", played or (_OTHER_MOTION if moved else _NO_CLIP))):
+    if imgui.begin_combo("##clip", tr("Plays {0}", played_clip or (_OTHER_MOTION if moved else _NO_CLIP))):
         for name in (None, *names):
             label = name or _NO_CLIP
-            pressed, _ = imgui.selectable(f"{tr(label)}###clip {label}", name == played)
-            if pressed and (name != played or moved):
+            is_pressed, _ = imgui.selectable(f"{tr(label)}###clip {label}", name == played_clip)
+            if is_pressed and (name != played_clip or moved):
                 _play_clip(workspace, shape.id, name)
             workspace.remember(f"play {name or 'none'}")
         imgui.end_combo()

@@ -155,14 +155,14 @@ def with_constraint(project: Project, puppet_id: str, layer: int, held: HardCons
 
     It replaces one of its kind at the same point and frame.
     """
-    name, kept = _split_constraints(project, puppet_id, layer, held)
-    return change_layers(project, puppet_id, [layer], **{name: (*kept, held)})
+    name, kept_constraints = _split_constraints(project, puppet_id, layer, held)
+    return change_layers(project, puppet_id, [layer], **{name: (*kept_constraints, held)})
 
 
 def remove_constraint_from(project: Project, puppet_id: str, layer: int, held: HardConstraint) -> Project:
     """Returns a project without a hard constraint."""
-    name, kept = _split_constraints(project, puppet_id, layer, held)
-    return change_layers(project, puppet_id, [layer], **{name: kept})
+    name, kept_constraints = _split_constraints(project, puppet_id, layer, held)
+    return change_layers(project, puppet_id, [layer], **{name: kept_constraints})
 
 
 def _split_constraints(

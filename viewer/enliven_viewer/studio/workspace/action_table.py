@@ -101,9 +101,9 @@ def _make_file_actions(ask: OpenDialog, preferences: Preferences) -> Iterator[Ac
         lambda: ask("open"),
         about="A project, a model, a mesh, or a take.",
     )
-    again = "Reopen the last file"
+    description = "Reopen the last file"
     yield Action(
-        "file.again", "File", again, ("ctrl+shift+o",), lambda: ask("again"), describe_missing_recent
+        "file.again", "File", description, ("ctrl+shift+o",), lambda: ask("again"), describe_missing_recent
     )
     yield Action("file.save", "File", "Save", ("ctrl+s",), lambda: ask("save"), apart=True)
     yield Action("file.save_as", "File", "Save as...", ("ctrl+shift+s",), lambda: ask("save as"))
@@ -193,12 +193,14 @@ def _make_snap_action(editor: Editor) -> Action:
     def toggle() -> None:
         editor.snapping.is_on = not editor.snapping.is_on
 
-    about = (
+    description = (
         "Moves snap to a grid of 10 cm and to the floor, rotations to steps of 15 degrees. "
         "Hold Ctrl to invert this."
     )
-    on = lambda: editor.snapping.is_on  # noqa: E731
-    return Action("edit.snap", "Edit", "Snap", ("shift+n",), toggle, is_on=on, about=about, apart=True)
+    is_on = lambda: editor.snapping.is_on  # noqa: E731
+    return Action(
+        "edit.snap", "Edit", "Snap", ("shift+n",), toggle, is_on=is_on, about=description, apart=True
+    )
 
 
 def _make_motion_actions(c: Commands) -> Iterator[Action]:
@@ -274,9 +276,15 @@ def _make_key_actions(c: Commands) -> Iterator[Action]:
         about="Posing (R) or moving (G) sets a key at the playhead: for a joint, a dot, or the whole.",
         apart=True,
     )
-    about = "Sets a key with the current pose at the playhead. You can drag the key in the curves."
+    description = "Sets a key with the current pose at the playhead. You can drag the key in the curves."
     yield Action(
-        "motion.key", "Motion", "A key at the playhead", ("ctrl+j",), c.keys.set, c.keys.lacks, about=about
+        "motion.key",
+        "Motion",
+        "A key at the playhead",
+        ("ctrl+j",),
+        c.keys.set,
+        c.keys.lacks,
+        about=description,
     )
     away = "Remove the key at the playhead"
     yield Action(

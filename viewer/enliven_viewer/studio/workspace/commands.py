@@ -110,9 +110,9 @@ class Commands:
 
     def toggle_mute(self) -> None:
         """Mutes all motion of the selection, or unmutes it if everything is muted."""
-        on = not self.is_muted()
-        edit_name = later("mute {0}") if on else later("unmute {0}")
-        self._edit_selection(edit_name, lambda project, names: mute_characters(project, names, on))
+        is_muted = not self.is_muted()
+        edit_name = later("mute {0}") if is_muted else later("unmute {0}")
+        self._edit_selection(edit_name, lambda project, names: mute_characters(project, names, is_muted))
 
     def is_muted(self) -> bool:
         """Returns True if the selection has motion, and all its motion is muted."""

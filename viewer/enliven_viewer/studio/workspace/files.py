@@ -166,11 +166,11 @@ def _make_clip_note(project: Project, shape_id: str) -> str:
     clips.
     """
     shape = project.shape(shape_id)
-    clips, played = list_own_clips(project, shape), find_played_clip(project, shape)
-    if played is None:
+    clips, played_clip = list_own_clips(project, shape), find_played_clip(project, shape)
+    if played_clip is None:
         return tr("{0} takes came with it.", len(clips)) if clips else ""
-    more = tr(" {0} clips came with it: choose one at the right.", len(clips)) if len(clips) > 1 else ""
-    return tr("Space plays {0}.{1}", played, more)
+    clip_note = tr(" {0} clips came with it: choose one at the right.", len(clips)) if len(clips) > 1 else ""
+    return tr("Space plays {0}.{1}", played_clip, clip_note)
 
 
 def _add_mesh(editor: Editor, path: Path, read: tuple[Mesh, Sequence[str]]) -> None:
@@ -248,7 +248,7 @@ def _add_take(editor: Editor, path: Path, read: tuple[Clip, tuple[str, ...]]) ->
 
 def _add_performance(editor: Editor, path: Path, read: _RecordedTake) -> None:
     added: list[str] = []
-    before = set(editor.project.characters)
+    old_names = set(editor.project.characters)
 
     def add(project: Project) -> Project:
         project, names = _add_performed(project, path, read)
@@ -260,7 +260,7 @@ def _add_performance(editor: Editor, path: Path, read: _RecordedTake) -> None:
         if editor.puppets.puppet is not None:
             remedy = tr("Choose a take in the performer's view for {0}.", editor.puppets.puppet.id)
         editor.toasts.show_message(tr("{0} brought {1}", path.name, ", ".join(added)), remedy)
-        fresh = [name for name in editor.project.characters if name not in before]
+        fresh = [name for name in editor.project.characters if name not in old_names]
         if fresh and editor.puppets.puppet is None:
             editor.choose_all(*fresh)
         editor.frame_path()
@@ -319,13 +319,13 @@ def _add_performed(project: Project, path: Path, read: _RecordedTake) -> tuple[P
 def _show_notes(editor: Editor, path: Path, notes: tuple[str, ...], remedy: str) -> None:
     """Shows one message with the name of the opened file and its notes."""
     if notes:
-        more = tr(" (and {0} more)", len(notes) - 1) if len(notes) > 1 else ""
+        more_note = tr(" (and {0} more)", len(notes) - 1) if len(notes) > 1 else ""
         first = (
             notes[0]
             if len(notes[0]) <= _MAX_NOTE_LETTERS
             else f"{notes[0][:_MAX_NOTE_LETTERS].rsplit(' ', 1)[0]} ..."
         )
-        editor.toasts.show_message(f"{path.name}: {first}{more}")
+        editor.toasts.show_message(f"{path.name}: {first}{more_note}")
     editor.toasts.show_message(tr("Opened {0}", path.name), remedy)
 
 

@@ -150,7 +150,7 @@ class MotionClipboard:
                 raise InputError(
                     tr("it was changed while its motion was computed"), where=guarded.where, remedy=remedy
                 )
-            needed = shape.needed()
+            needed = shape.find_needed_ids()
             bodies = [solved_project.bodies[body] for body in needed.get("bodies", ())]
             streams = [solved_project.streams[stream] for stream in needed.get("streams", ())]
             return project.with_bodies(*bodies).with_streams(*streams).with_characters(shape)

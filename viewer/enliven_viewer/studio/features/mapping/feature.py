@@ -48,7 +48,7 @@ class MappingPanels:
 
         def draw() -> None:
             source = self._tool.source
-            posed = source.posed_skeleton() if self.is_shown() else None
+            posed = source.make_posed_skeleton() if self.is_shown() else None
             if posed is not None:
                 view.renderer.resize(convert_to_screen_pixels(*source.size))
                 view.draw([posed], source.lens, source.selection, source.overlay())

@@ -62,7 +62,7 @@ class PerformAction:
         label = _FIRST_LABELS.get(self.label, self.label)
         return "perform." + re.sub(r"[^a-z]+", "_", label.lower()).strip("_")
 
-    def lacks(self, session: PerformSession) -> str:
+    def describe_missing(self, session: PerformSession) -> str:
         """Returns the reason why the action is unavailable now, with advice, or an empty text if it is
         available.
         """
@@ -76,15 +76,15 @@ NO_STAGE = later("No stage is connected. Connect to one, or start one, in the Pe
 def make_perform_actions(session: PerformSession) -> Iterator[Action]:
     """Yields every action, for menus, the command palette and the list of shortcuts."""
     for action in PERFORM_ACTIONS:
-        on = None if action.is_on is None else partial(action.is_on, session)
+        is_on = None if action.is_on is None else partial(action.is_on, session)
         yield Action(
             action.id,
             "Perform",
             action.label,
             (action.key,) if action.key else (),
             partial(action.do, session),
-            partial(action.lacks, session),
-            on,
+            partial(action.describe_missing, session),
+            is_on,
             about=action.about,
             apart=action.apart,
             group=action.group,

@@ -58,11 +58,11 @@ class CharacterSizes:
         differ.
         """
         client.take(SIZES)
-        before, self._edge_sizes = self._edge_sizes, {}
+        old_sizes, self._edge_sizes = self._edge_sizes, {}
         for message in client.latest(SIZES).values():
             if message.character in standing:
                 self._edge_sizes[message.character] = message
-        self._update_text(before)
+        self._update_text(old_sizes)
         for name in standing:
             self._send_exaggeration(name, client)
         if self._editor.draft is not None:
@@ -70,7 +70,7 @@ class CharacterSizes:
         for name in standing:
             if name not in self._editor.project.characters or name == self.scaled_character:
                 continue
-            if name in before and before[name].body >= 0:
+            if name in old_sizes and old_sizes[name].body >= 0:
                 self._store_size(name)
             elif abs(self.find_size(name) / self.compute_wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
                 size = self.compute_wanted_size(name)
@@ -107,9 +107,9 @@ class CharacterSizes:
             self.text = size, tr("Hands apart: larger. Together: smaller. Hold still, and it stays.")
             self._text_until = now + _TEXT_S
         elif self.text is not None:
-            ended = next((name for name, message in before.items() if message.body >= 0), None)
-            if ended is not None:
-                self.text = f"{ended}: {self.find_size(ended):.0%}", tr("It stays.")
+            released_name = next((name for name, message in before.items() if message.body >= 0), None)
+            if released_name is not None:
+                self.text = f"{released_name}: {self.find_size(released_name):.0%}", tr("It stays.")
                 self._editor.frame_all(reset=False)
             if now > self._text_until:
                 self.text = None
@@ -132,17 +132,17 @@ class CharacterSizes:
         """
         project = self._editor.draft or self._editor.project
         edge_exaggeration = self._edge_sizes[name].exaggeration if name in self._edge_sizes else None
-        wanted = project.handling.get(name, FREE).exaggeration
-        if name in project.characters and wanted != edge_exaggeration:
-            self._send_value(client, Resize("exaggerate", name, exaggeration=wanted), wanted)
+        exaggeration = project.handling.get(name, FREE).exaggeration
+        if name in project.characters and exaggeration != edge_exaggeration:
+            self._send_value(client, Resize("exaggerate", name, exaggeration=exaggeration), exaggeration)
 
     def _send_value(self, client: EdgeClient, order: Resize, wanted: float | None) -> None:
         """Sends a value of the project to the edge. Does not repeat it while an answer may still arrive, or
         after a refusal.
         """
         key, now = (order.do, order.character or ""), time.monotonic()
-        asked, when = self._sent_values.get(key, (np.nan, -_RESEND_INTERVAL_S))
-        if asked != wanted or now - when > _RESEND_INTERVAL_S:
+        sent_value, when = self._sent_values.get(key, (np.nan, -_RESEND_INTERVAL_S))
+        if sent_value != wanted or now - when > _RESEND_INTERVAL_S:
             self._sent_values[key] = wanted, now
             client.ask(order, lambda answer: self._handle_answer(order, wanted, answer))
 

@@ -240,8 +240,10 @@ class PossessionRequests:
             return
         self.forget()
         if isinstance(answer, Refused) and answer.reason != SUPERSEDED:
-            where, _, problem = answer.reason.partition(": ")
-            self._cancel_with_reason(problem if where.startswith(("possessing", "stage")) else answer.reason)
+            location, _, problem = answer.reason.partition(": ")
+            self._cancel_with_reason(
+                problem if location.startswith(("possessing", "stage")) else answer.reason
+            )
 
     def _cancel_with_reason(self, reason: str) -> None:
         """Shows the reason and the advice, and cancels the press."""

@@ -133,35 +133,35 @@ class PerformSession:
         Raises:
             InputError: if the address is invalid, or already followed.
         """
-        wanted = address.strip()
+        wanted_address = address.strip()
         if self._client is None:
-            self.connect(wanted, settings)
+            self.connect(wanted_address, settings)
             return
         endpoints = [
             self._client.edges[0].endpoint,
             *(parse_endpoint(guest.address) for guest in self.secondary_edges),
         ]
-        if parse_endpoint(wanted) in endpoints:
+        if parse_endpoint(wanted_address) in endpoints:
             remedy = tr("Give the address of another camera's computer.")
-            raise InputError(tr("that stage is already followed"), where=wanted, remedy=remedy)
+            raise InputError(tr("that stage is already followed"), where=wanted_address, remedy=remedy)
         # Use the smallest free number, so that no two edges have the same number.
-        taken = {guest.number for guest in self.secondary_edges}
-        number = next(n for n in range(1, len(taken) + 2) if n not in taken)
+        taken_numbers = {guest.number for guest in self.secondary_edges}
+        number = next(n for n in range(1, len(taken_numbers) + 2) if n not in taken_numbers)
         self._client.edges[0].align_clock()
         prefix = partial(self.shared_space.prefix_of, number)
-        self.secondary_edges.append(SecondaryEdge(wanted, number, settings, prefix))
-        self.addresses.remember(wanted)
+        self.secondary_edges.append(SecondaryEdge(wanted_address, number, settings, prefix))
+        self.addresses.remember(wanted_address)
 
     def make_primary(self, guest: SecondaryEdge, settings: PlaybackSettings | None = None) -> None:
         """Makes a secondary edge the primary one, which receives orders and characters."""
         if self._client is None:
             return
-        before, others = (
+        old_primary, others = (
             str(self._client.edges[0].endpoint),
             [o.address for o in self.secondary_edges if o is not guest],
         )
         self.connect(guest.address, settings)
-        for address in (before, *others):
+        for address in (old_primary, *others):
             self.add_secondary(address, settings)
 
     def remove_secondary(self, guest: SecondaryEdge) -> None:

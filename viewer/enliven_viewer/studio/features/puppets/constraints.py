@@ -40,7 +40,7 @@ def draw_constraint_buttons(app: App, puppet: ExampleCharacter) -> None:
         return
     draw_note("fix it at the playhead")
     take = editor.project.takes[puppet.layers[number].take]
-    frame = round(puppet.layers[number].played(editor.time, take.duration)[0] / take.step)
+    frame = round(puppet.layers[number].find_played_time(editor.time, take.duration)[0] / take.step)
     name = puppet.points[chosen].name
     third = ImVec2((imgui.get_content_region_avail().x - 16) / 3, 0)
     new_constraint: HardConstraint | None = None

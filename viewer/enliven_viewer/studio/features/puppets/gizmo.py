@@ -97,9 +97,9 @@ class Gizmo:
         """Returns the step in metres to which Shift snaps the movement: a round number near the size of ten
         pixels.
         """
-        wanted = 10.0 * self.pixel
-        power = 10.0 ** np.floor(np.log10(wanted))
-        return float(power * _SNAP_STEP_FACTORS[np.abs(_SNAP_STEP_FACTORS * power - wanted).argmin()])
+        wanted_length = 10.0 * self.pixel
+        power = 10.0 ** np.floor(np.log10(wanted_length))
+        return float(power * _SNAP_STEP_FACTORS[np.abs(_SNAP_STEP_FACTORS * power - wanted_length).argmin()])
 
     def rows(self, highlighted_part: str, alone: str = "") -> Float32:
         """Returns the arrows as rows of :func:`make_tube_rows`. ``alone`` names the dragged part."""

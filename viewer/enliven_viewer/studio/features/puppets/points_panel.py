@@ -177,11 +177,13 @@ def suggest_points(app: App, puppet: ExampleCharacter) -> bool:
 def _draw_symmetry(app: App, puppet: ExampleCharacter) -> None:
     """Draws the symmetry options: mirrored examples, the plane, and editing both sides at once."""
     editor = app.editor
-    toggled, on = imgui.checkbox(labelled(tr("symmetric"), "symmetric"), puppet.symmetry is not None)
+    toggled, is_symmetric = imgui.checkbox(
+        labelled(tr("symmetric"), "symmetric"), puppet.symmetry is not None
+    )
     app.remember("symmetric")
     draw_tooltip("Every key pose also counts mirrored: a pose of one side is an example for both")
     if toggled:
-        set_mirrored(app, puppet, on)
+        set_mirrored(app, puppet, is_symmetric)
         return
     if puppet.symmetry is None:
         return
@@ -189,13 +191,13 @@ def _draw_symmetry(app: App, puppet: ExampleCharacter) -> None:
     imgui.same_line()
     with use_small_text(), push_colours(QUIET, imgui.Col_.text):
         imgui.text_unformatted(tr(_AXIS_LABELS[normal.index(max(normal))]))
-    toggled, on = imgui.checkbox(
+    toggled, is_symmetric = imgui.checkbox(
         labelled(tr("edit both sides at once"), "edit both sides at once"), editor.puppets.symmetric
     )
     app.remember("both sides")
     draw_tooltip("Control points are put and dragged together with their mirror image")
     if toggled:
-        editor.puppets.set_symmetric(on)
+        editor.puppets.set_symmetric(is_symmetric)
 
 
 def set_mirrored(app: App, puppet: ExampleCharacter, on: bool) -> None:

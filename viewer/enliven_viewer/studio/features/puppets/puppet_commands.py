@@ -91,8 +91,8 @@ class PuppetCommands:
                 if project.characters.get(puppet.id) is not puppet:
                     problem = tr("it was changed while it was baked")
                     raise InputError(problem, where=puppet.where, remedy=tr("Bake it again."))
-                streams = [baked_project.streams[stream] for stream in shape.needed()["streams"]]
-                return project.without(puppet.id).with_streams(*streams).with_characters(shape)
+                streams = [baked_project.streams[stream] for stream in shape.find_needed_ids()["streams"]]
+                return project.drop_character(puppet.id).with_streams(*streams).with_characters(shape)
 
             if self.editor.edit(later("bake {0}", puppet.id), change):
                 self.editor.select_only(name)

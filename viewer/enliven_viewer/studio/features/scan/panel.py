@@ -144,8 +144,8 @@ def _draw_start_options(app: App, scan: ScanSession) -> None:
 def _draw_continue_button(app: App, scan: ScanSession) -> None:
     """Draws the button that continues the last scan."""
     imgui.begin_disabled(bool(scan.describe_missing_repeat()))
-    again = tr("Add to {0}", scan.message.character or tr("the last scan"))
-    if imgui.button(labelled(again, "again"), _FULL_WIDTH):
+    label = tr("Add to {0}", scan.message.character or tr("the last scan"))
+    if imgui.button(labelled(label, "again"), _FULL_WIDTH):
         app.actions.do("scan.again")
     imgui.end_disabled()
     app.remember("scan again")

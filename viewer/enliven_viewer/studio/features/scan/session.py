@@ -126,9 +126,9 @@ class ScanSession:
 
     def describe_missing_repeat(self) -> str:
         """Returns the reason why no scan can be continued, or an empty text if one can be continued."""
-        there = self.message.phase == "done"
+        is_done = self.message.phase == "done"
         return self.describe_missing_stage() or (
-            "" if there else "No scan is done. Finish one, then add to it"
+            "" if is_done else "No scan is done. Finish one, then add to it"
         )
 
     def open(self) -> None:
@@ -223,13 +223,16 @@ class ScanSession:
             return
         client.take(SCAN)
         client.take(SCAN_PIECE)
-        before, place = self.message, self.stage_from_scan
+        old_message, place = self.message, self.stage_from_scan
         self.message = client.latest(SCAN).get("", _NO_SCAN)
-        if self.message.number == before.number and self.message.stage_from_scan != before.stage_from_scan:
+        if (
+            self.message.number == old_message.number
+            and self.message.stage_from_scan != old_message.stage_from_scan
+        ):
             self.box.move_with_scan(place, self.stage_from_scan)
         self._finish_person_scan()
         self._preview_mesh.update(client.latest(SCAN_PIECE), self.message.number)
-        if self.active and self.message.number != before.number:
+        if self.active and self.message.number != old_message.number:
             self.is_shown = True
         bounds = self._preview_mesh.bounds if self.active else None
         if (
@@ -239,7 +242,7 @@ class ScanSession:
         ):
             self._framed_scan = self.message.number
             self._frame_surface(bounds)
-        if self.message.phase == "done" and before.phase in ("finishing", "scanning"):
+        if self.message.phase == "done" and old_message.phase in ("finishing", "scanning"):
             self._awaited_character = self.message.number, self.message.character
         if self._awaited_character is not None:
             self._add_to_project(

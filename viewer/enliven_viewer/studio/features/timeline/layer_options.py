@@ -71,8 +71,8 @@ def draw_layer(app: App, timeline: TimelineInput, character: RigBase, number: in
     """Draws the numbers and switches of a layer."""
     editor, name, layer = app.editor, character.id, character.playing[number]
     frame = imgui.get_frame_count()
-    before, timeline.shown_layer = timeline.shown_layer, (name, number, frame)
-    if timeline.busy and before != (name, number, frame - 1):
+    old_layer, timeline.shown_layer = timeline.shown_layer, (name, number, frame)
+    if timeline.busy and old_layer != (name, number, frame - 1):
         imgui.set_scroll_here_y(0.0)  # The user has clicked a clip, so scroll its options into view.
     draw_heading("Chosen motion")
     imgui.text_unformatted(getattr(layer, "id", layer.take))
@@ -152,7 +152,9 @@ def _draw_foot_lock(app: App, character: RigBase, number: int, feet: str) -> Non
     name, jointed = character.id, character.jointed
     draw_note("feet")
     imgui.set_next_item_width(-1)
-    changed, wanted = imgui.combo("##feet", FEET.index(feet), [tr(_FOOT_LOCK_LABELS[mode]) for mode in FEET])
+    changed, mode_number = imgui.combo(
+        "##feet", FEET.index(feet), [tr(_FOOT_LOCK_LABELS[mode]) for mode in FEET]
+    )
     app.remember("feet")
     if jointed:
         draw_tooltip("Every choice but Auto also finds the feet that are not pinned yet (P)")
@@ -163,8 +165,8 @@ def _draw_foot_lock(app: App, character: RigBase, number: int, feet: str) -> Non
         is_requested = imgui.button(labelled(tr("Find the feet again"), "Find the feet again"), ImVec2(-1, 0))
         app.remember("feet again")
         draw_tooltip("The feet were found for an earlier motion; find them again after you edit its clips")
-    if is_requested or (changed and FEET[wanted] != feet):
-        numbers, foot_lock = find_lane_layers(app.editor.project, name, number), FEET[wanted]
+    if is_requested or (changed and FEET[mode_number] != feet):
+        numbers, foot_lock = find_lane_layers(app.editor.project, name, number), FEET[mode_number]
         app.editor.edit(
             later("feet: {0}", _FOOT_LOCK_LABELS[foot_lock]),
             lambda project: lock_feet(project, name, numbers, foot_lock),

@@ -127,7 +127,7 @@ class PuppetRows:
         edited = puppet.layers[layer].switches
         if edited is not None:
             return edited
-        project, shown = editor.motion_solver.newest_solution(editor.project, puppet.id)
+        project, shown = editor.motion_solver.get_newest_solution(editor.project, puppet.id)
         if layer >= len(shown.layers) or shown.layers[layer].take != puppet.layers[layer].take:
             return ()
         if self._switch_cache[0] is not shown:

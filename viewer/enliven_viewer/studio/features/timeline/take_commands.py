@@ -33,8 +33,8 @@ class TakeCommands:
             return character.playing[chosen.layer].alternatives
         groups = {
             layer.alternatives
-            for each in ([character] if character is not None else project.characters.values())
-            for layer in each.playing
+            for candidate in ([character] if character is not None else project.characters.values())
+            for layer in candidate.playing
             if len(list_alternative_takes(project, layer.alternatives)) > 1
         }
         return groups.pop() if len(groups) == 1 else ""
@@ -45,7 +45,7 @@ class TakeCommands:
         takes = list_alternative_takes(self.editor.project, self.alternatives)
         return next((name for name, audible_take in takes.items() if audible_take), "")
 
-    def lacks(self) -> str:
+    def describe_missing(self) -> str:
         """Returns the reason why no alternative take can be chosen, with advice, or an empty text if one can
         be chosen.
         """
@@ -112,12 +112,17 @@ def make_take_actions(takes: TakeCommands) -> Iterator[Action]:
         "Play the next take",
         ("alt+right",),
         lambda: takes.step(1),
-        takes.lacks,
+        takes.describe_missing,
         about="Switches between the takes of this lane.",
         apart=True,
     )
     yield Action(
-        "takes.before", "Clip", "Play the previous take", ("alt+left",), lambda: takes.step(-1), takes.lacks
+        "takes.before",
+        "Clip",
+        "Play the previous take",
+        ("alt+left",),
+        lambda: takes.step(-1),
+        takes.describe_missing,
     )
     yield Action(
         "takes.keep",
@@ -125,10 +130,12 @@ def make_take_actions(takes: TakeCommands) -> Iterator[Action]:
         "Keep only this take",
         (),
         takes.keep,
-        takes.lacks,
+        takes.describe_missing,
         about="All other takes of this lane are deleted.",
     )
-    yield Action("takes.drop", "Clip", "Delete this take", ("alt+delete",), takes.drop, takes.lacks)
+    yield Action(
+        "takes.drop", "Clip", "Delete this take", ("alt+delete",), takes.drop, takes.describe_missing
+    )
     yield Action(
         "takes.tidy",
         "Clip",

@@ -28,19 +28,24 @@ def make_transport_actions(editor: Editor) -> Iterator[Action]:
     yield Action("view.frame_on", "View", "One frame forward", ("right",), lambda: step(1))
     yield Action("view.start", "View", "To the start", ("home",), lambda: editor.scrub(0.0))
     yield Action("view.end", "View", "To the end", ("end",), lambda: editor.scrub(editor.length))
-    about = "The loop and recordings begin here."
+    description = "The loop and recordings begin here."
     yield Action(
         "view.in_point",
         "View",
         "In point here",
         ("alt+i",),
         lambda: editor.set_loop_point(0),
-        about=about,
+        about=description,
         apart=True,
     )
-    about = "The loop returns to the in point here, and recordings end here."
+    description = "The loop returns to the in point here, and recordings end here."
     yield Action(
-        "view.out_point", "View", "Out point here", ("alt+o",), lambda: editor.set_loop_point(1), about=about
+        "view.out_point",
+        "View",
+        "Out point here",
+        ("alt+o",),
+        lambda: editor.set_loop_point(1),
+        about=description,
     )
     yield Action(
         "view.whole_loop",

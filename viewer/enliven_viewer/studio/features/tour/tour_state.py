@@ -166,8 +166,8 @@ class TourState:
     def has_dancer(self) -> bool:
         """Returns True if a dancer is in view, and the chair is on the dancer's stage."""
         perform, chair = self.workspace.perform, self.chair
-        there = chair is not None and chair.id in perform.stage_ids
-        return there and perform.connected and bool(perform.performers)
+        is_on_stage = chair is not None and chair.id in perform.stage_ids
+        return is_on_stage and perform.connected and bool(perform.performers)
 
     @property
     def is_held(self) -> bool:
