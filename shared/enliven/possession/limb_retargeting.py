@@ -107,7 +107,7 @@ class LimbRetargeting:
         self._share, self._start_ns, self._seconds = other._share, other._start_ns, other._seconds
         self._start_gap = other._start_gap
 
-    def advance(self, time_ns: int) -> None:
+    def set_time(self, time_ns: int) -> None:
         """Advances the move of the mesh into the performer's pose to a time."""
         if self._share < 1.0:
             self._start_ns = time_ns if self._start_ns < 0 else self._start_ns

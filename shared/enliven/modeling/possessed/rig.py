@@ -34,9 +34,9 @@ _MIRRORED_ENDS = [0, 2, 1, 4, 3]
 class GraphRig(RigEdits):
     """Implements the edits of whole characters for deformation graphs that play recorded motion."""
 
-    drawn = staticmethod(character_from_graph_shape)
+    make_drawing = staticmethod(character_from_graph_shape)
     cut = staticmethod(cut_graph)
-    merged = staticmethod(merge_graphs)
+    merge = staticmethod(merge_graphs)
 
     def centre(self, shape: GraphCharacter) -> Float:
         """Returns the position (3,) of node 0 at rest, in metres."""

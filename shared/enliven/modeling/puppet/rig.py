@@ -35,9 +35,9 @@ class PuppetRig(RigEdits):
     Baking solves the surface for each frame."""
 
     frames = 30.0
-    drawn = staticmethod(character_from_puppet)
+    make_drawing = staticmethod(character_from_puppet)
     cut = staticmethod(cut_puppet)
-    merged = staticmethod(merge_puppets)
+    merge = staticmethod(merge_puppets)
 
     def centre(self, puppet: ExampleCharacter) -> Float:
         """Returns the point (3,) on the floor below the centre of the mesh at rest, in metres."""

@@ -37,7 +37,7 @@ from enliven.rotation import IDENTITY, multiply, normalized, rotate
 class ShapeRig(RigEdits):
     """Implements the edits of whole characters for skeletons with skin."""
 
-    drawn = staticmethod(character_of)
+    make_drawing = staticmethod(character_of)
     cut = staticmethod(cut_shape_along_stroke)
 
     def centre(self, shape: RiggedCharacter) -> Float:

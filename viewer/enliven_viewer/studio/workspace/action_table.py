@@ -283,7 +283,7 @@ def _make_key_actions(c: Commands) -> Iterator[Action]:
         "A key at the playhead",
         ("ctrl+j",),
         c.keys.set,
-        c.keys.lacks,
+        c.keys.describe_missing,
         about=description,
     )
     away = "Remove the key at the playhead"
