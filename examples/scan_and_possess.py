@@ -23,12 +23,14 @@ scanner, states, unfinished = Scanner(ScanSettings(volume=VolumeSettings(voxel=0
 for number in range(0, carried.frames, 3):
     states.append(scanner.add(carried.frame(number)).state)
     if number % 12 == 9:
-        unfinished.append(scanner.thing())
+        unfinished.append(scanner.extract_object())
 print(f"{len(states)} images, {states.count(ScanState.LOST)} of them not used")
-save_mesh(scanner.thing(), "scan_and_possess.glb")
+save_mesh(scanner.extract_object(), "scan_and_possess.glb")
 
 # The scan becomes as tall as the performer. The performer stands in it.
-*growing, scan = [replace(mesh, vertices=1.6 * mesh.vertices) for mesh in [*unfinished, scanner.thing()]]
+*growing, scan = [
+    replace(mesh, vertices=1.6 * mesh.vertices) for mesh in [*unfinished, scanner.extract_object()]
+]
 performer = [frame.bodies[0] for frame in Recording(CHAIR).truth()][46:136]
 performer = [replace(body, joints=body.joints + np.array([0.0, 0.0, 2.7])) for body in performer]
 project, _ = possess(scan, performer)

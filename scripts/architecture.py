@@ -31,13 +31,13 @@ INDENT = "&nbsp;" * 4
 """Indentation in a table of a package's name, relative to the name of its parent."""
 
 
-def purpose(tree: SourceTree, package: str) -> str:
+def read_purpose(tree: SourceTree, package: str) -> str:
     """Returns the first sentence of a package's docstring, on one line."""
     text = ast.get_docstring(ast.parse(tree.modules[package].read_text(encoding="utf-8"))) or ""
     return " ".join(text.split("\n\n")[0].split())
 
 
-def table(tree: SourceTree, package: str) -> str:
+def make_table(tree: SourceTree, package: str) -> str:
     """Returns a table of a package's subpackages, the lowest level first.
 
     It has the purpose and the number of modules of each.
@@ -46,17 +46,17 @@ def table(tree: SourceTree, package: str) -> str:
     levels = import_levels()
     inner = sorted(
         (name for name in tree.packages if name.startswith(f"{package}.")),
-        key=lambda name: position(levels, name),
+        key=lambda name: find_position(levels, name),
     )
     rows = [
         f"| {INDENT * (name.count('.') - 1)}`{name.rpartition('.')[2]}` "
-        f"| {purpose(tree, name)} | {counts[name] or ''} |"
+        f"| {read_purpose(tree, name)} | {counts[name] or ''} |"
         for name in inner
     ]
     return "\n".join(["| package | what it is for | modules |", "|---|---|---|", *rows])
 
 
-def position(levels: dict[str, list[list[str]]], package: str) -> tuple[tuple[int, str], ...]:
+def find_position(levels: dict[str, list[list[str]]], package: str) -> tuple[tuple[int, str], ...]:
     """Returns the sort key of a package.
 
     It consists of the level and the name of each folder on the package's path.
@@ -70,7 +70,7 @@ def position(levels: dict[str, list[list[str]]], package: str) -> tuple[tuple[in
     return tuple(sort_key)
 
 
-def drawing(graph: grimp.ImportGraph, tree: SourceTree, package: str) -> str:
+def make_drawing(graph: grimp.ImportGraph, tree: SourceTree, package: str) -> str:
     """Returns the subpackages as a Mermaid diagram.
 
     Arrows are imports. Imports that are implied by others are left out (transitive reduction).
@@ -94,7 +94,7 @@ def drawing(graph: grimp.ImportGraph, tree: SourceTree, package: str) -> str:
     return "\n".join(["```mermaid", "graph TD", *arrows, "```"])
 
 
-def written(page: str) -> str:
+def make_page(page: str) -> str:
     """Returns the page with everything between its marks regenerated."""
     tree, traces = project_tree(), Trace.read()
     graph = grimp.build_graph(*PACKAGES, cache_dir=None)
@@ -102,9 +102,9 @@ def written(page: str) -> str:
     def made(match: re.Match[str]) -> str:
         kind, name = match[1], match[2]
         if kind == "packages":
-            text = table(tree, name)
+            text = make_table(tree, name)
         elif kind == "arrows":
-            text = drawing(graph, tree, name)
+            text = make_drawing(graph, tree, name)
         else:
             text = trace_table(tree, traces[name])
         return f"<!-- {kind} {name} -->\n\n{text}\n\n<!-- end -->"
@@ -113,4 +113,4 @@ def written(page: str) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(written(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    PAGE.write_text(make_page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

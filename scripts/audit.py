@@ -69,9 +69,9 @@ def main() -> None:
     if arguments.offline:
         print(f"vulnerabilities: not checked, because of --offline ({len(read_pins())} releases)")
     problems += licences()
-    for name in sorted(set(bundled_libraries(site_packages())) - documented_libraries()):
+    for name in sorted(set(list_bundled_libraries(find_site_packages())) - list_documented_libraries()):
         problems.append(f"a wheel bundles {name}, which docs/licences.md does not list")
-    problems += telemetry(site_packages())
+    problems += telemetry(find_site_packages())
     print(*problems or ["audit: no problems"], sep="\n")
     sys.exit(bool(problems))
 
@@ -91,7 +91,7 @@ def read_pins() -> list[str]:
     return [line.partition(";")[0].strip() for line in lines if line and not line.startswith("#")]
 
 
-def rounds(lines: list[str]) -> list[list[str]]:
+def group_requirements(lines: list[str]) -> list[list[str]]:
     """Returns the requirements in groups, because pip-audit accepts only one release of a package at a
     time.
     """
@@ -113,7 +113,7 @@ def vulnerabilities() -> list[str]:
     releases: list[dict] = []
     not_asked: list[str] = []
     reason = "the package index has no vulnerability data"
-    for pins in rounds(read_pins()):
+    for pins in group_requirements(read_pins()):
         with tempfile.TemporaryDirectory() as folder:
             (path := Path(folder) / "pins.txt").write_text("\n".join(pins) + "\n")
             options = ["-r", path, "--no-deps", "--disable-pip", "-f", "json", "--progress-spinner", "off"]
@@ -127,10 +127,10 @@ def vulnerabilities() -> list[str]:
                 not_asked, reason = not_asked + pins, f"pip-audit failed: {last[0][:200]}"
     checked = [release for release in releases if "skip_reason" not in release]
     print(f"vulnerabilities: {len(checked)} of {len(releases) + len(not_asked)} releases were checked")
-    return [*flaws(checked), *unchecked(releases, not_asked, reason)]
+    return [*find_flaws(checked), *describe_unchecked(releases, not_asked, reason)]
 
 
-def flaws(releases: list[dict]) -> list[str]:
+def find_flaws(releases: list[dict]) -> list[str]:
     """Returns one sentence for each vulnerability of the releases that were looked up."""
     return [
         f"{release['name']} {release['version']}: {flaw['id']}, "
@@ -140,7 +140,7 @@ def flaws(releases: list[dict]) -> list[str]:
     ]
 
 
-def unchecked(releases: list[dict], not_asked: list[str], reason: str) -> list[str]:
+def describe_unchecked(releases: list[dict], not_asked: list[str], reason: str) -> list[str]:
     """Returns one sentence that names the releases that were not looked up, in a list.
 
     The list is empty if all were looked up.
@@ -167,7 +167,7 @@ def telemetry(packages: Path) -> list[str]:
 
     Hosts with disabled telemetry are left out.
     """
-    hosts = sorted(set(telemetry_hosts(packages)))
+    hosts = sorted(set(find_telemetry_hosts(packages)))
     for package, host in hosts:
         if (package, host) in TELEMETRY_OFF:
             print(f"telemetry: {package} contains the host {host}: {TELEMETRY_OFF[package, host]}")
@@ -181,7 +181,7 @@ def telemetry(packages: Path) -> list[str]:
     ]
 
 
-def telemetry_hosts(packages: Path) -> Iterator[tuple[str, str]]:
+def find_telemetry_hosts(packages: Path) -> Iterator[tuple[str, str]]:
     """Yields the top folder of a package and a telemetry host.
 
     It yields one pair for each file that contains the host's name.
@@ -214,14 +214,14 @@ def find_licence_problems(packages: list[dict[str, str]]) -> list[str]:
     ]
 
 
-def site_packages() -> Path:
+def find_site_packages() -> Path:
     """Returns the folder of this Python's installed packages."""
     import numpy
 
     return Path(numpy.__file__).parents[1]
 
 
-def bundled_libraries(packages: Path) -> Iterator[str]:
+def list_bundled_libraries(packages: Path) -> Iterator[str]:
     """Yields the names of the libraries that wheels bundle, without "lib", hash and version."""
     for folder in (*packages.glob("*.libs"), *packages.glob("*/.dylibs")):
         for path in folder.iterdir():
@@ -229,7 +229,7 @@ def bundled_libraries(packages: Path) -> Iterator[str]:
             yield re.sub(r"-\d+$", "", re.sub(r"(-[0-9a-f]{8,})+$", "", stem))
 
 
-def documented_libraries() -> set[str]:
+def list_documented_libraries() -> set[str]:
     """Returns the libraries named in backquotes in docs/licences.md, without "lib"."""
     text = (ROOT / "docs" / "licences.md").read_text()
     return {name.removeprefix("lib") for name in re.findall(r"`([\w+-]+)`", text)}

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from settings_page import tables
+from settings_page import make_tables
 
 from enliven.health_page.metrics import metrics_table
 from enliven.kiosk.profile import AlertSettings, HealthPageSettings
@@ -16,11 +16,11 @@ from enliven.kiosk.profile import AlertSettings, HealthPageSettings
 PAGE = Path(__file__).parents[1] / "docs" / "health.md"
 
 
-def written(page: str) -> str:
+def make_page(page: str) -> str:
     """Returns the page with everything between its marks regenerated."""
     contents = {
-        "health": "\n".join(tables(HealthPageSettings, "health")),
-        "alerts": "\n".join(tables(AlertSettings, "alerts")),
+        "health": "\n".join(make_tables(HealthPageSettings, "health")),
+        "alerts": "\n".join(make_tables(AlertSettings, "alerts")),
         "metrics": metrics_table(),
     }
 
@@ -31,4 +31,4 @@ def written(page: str) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(written(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    PAGE.write_text(make_page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

@@ -57,7 +57,7 @@ PLATFORMS = {
 """Wheel platforms that run on each of MACHINES. Numba has no wheels for Intel Macs."""
 
 
-def environments() -> Iterator[dict[str, str]]:
+def list_environments() -> Iterator[dict[str, str]]:
     """Yields the marker values for every Python version on every machine."""
     for minor in PYTHONS:
         for machine in MACHINES:
@@ -66,7 +66,7 @@ def environments() -> Iterator[dict[str, str]]:
             yield {**machine, **version, **kind}
 
 
-def pins() -> dict[str, list[Requirement]]:
+def read_pins() -> dict[str, list[Requirement]]:
     """Returns the lines of constraints.txt by canonical name."""
     requirements: dict[str, list[Requirement]] = {}
     for line in (ROOT / "constraints.txt").read_text().splitlines():
@@ -86,7 +86,7 @@ def parse_pin(
     return None
 
 
-def requested_packages(kind: str) -> list[str]:
+def list_requested_packages(kind: str) -> list[str]:
     """Returns the packages requested by name.
 
     ``kind`` is run, dev, or peers (the packages that only benchmarks and fuzzing use).
@@ -107,7 +107,7 @@ def requested_packages(kind: str) -> list[str]:
     return [line for line in requested if not Requirement(line).name.startswith("enliven")]
 
 
-def required_packages(requested: Iterable[str], environment: dict[str, str]) -> set[str]:
+def list_required_packages(requested: Iterable[str], environment: dict[str, str]) -> set[str]:
     """Returns the canonical names of all packages that an environment requires.
 
     They come from the metadata of the packages installed here.
@@ -129,7 +129,7 @@ def required_packages(requested: Iterable[str], environment: dict[str, str]) -> 
     return {name for name, _ in packages}
 
 
-def missing_packages(names: Iterable[str]) -> Iterator[str]:
+def list_missing_packages(names: Iterable[str]) -> Iterator[str]:
     """Yields the packages that are not installed here. Their own requirements are therefore unknown."""
     for name in sorted(names):
         try:
@@ -151,7 +151,7 @@ def fits(tag: Tag, where: dict[str, str]) -> bool:
     return python and PLATFORMS[where["platform_machine"]].fullmatch(tag.platform) is not None
 
 
-def wheels(names: Iterable[str]) -> Wheels:
+def list_wheels(names: Iterable[str]) -> Wheels:
     """Returns the wheels of all releases of packages, as listed by the index that pip uses."""
     from pip._internal.commands import create_command
     from pip._internal.commands.install import InstallCommand
@@ -181,8 +181,8 @@ def lock_lines(kind: str, requirements: dict[str, list[Requirement]], offered: W
     """Returns the lines of a lock file, sorted by name. Prints the packages that have no wheel."""
     hashes: dict[tuple[str, str], set[str]] = {}
     lacking: dict[str, list[str]] = {}
-    for where in environments():
-        for name in required_packages(requested_packages(kind), where):
+    for where in list_environments():
+        for name in list_required_packages(list_requested_packages(kind), where):
             pin = parse_pin(requirements, name, where)
             if pin is None:
                 sys.exit(f"constraints.txt has no line for {name} with Python {where['python_version']}")
@@ -203,13 +203,15 @@ def lock_lines(kind: str, requirements: dict[str, list[Requirement]], offered: W
     ]
 
 
-def lines_for(kind: str, machine: str, python: str) -> Iterator[str]:
+def make_lines_for(kind: str, machine: str, python: str) -> Iterator[str]:
     """Yields a lock file's lines for another machine.
 
     They have no markers, because pip would evaluate the markers for this machine.
     """
     (where,) = (
-        at for at in environments() if (at["platform_machine"], at["python_version"]) == (machine, python)
+        at
+        for at in list_environments()
+        if (at["platform_machine"], at["python_version"]) == (machine, python)
     )
     for line in (ROOT / "locks" / f"{kind}.txt").read_text().replace("\\\n", "").splitlines():
         text, *hashes = line.split(" --hash=")
@@ -220,13 +222,15 @@ def lines_for(kind: str, machine: str, python: str) -> Iterator[str]:
 
 
 def main() -> None:
-    requirements = pins()
+    requirements = read_pins()
     environment = {key: str(value) for key, value in default_environment().items()}
-    if unknown := list(missing_packages(required_packages(requested_packages("dev"), environment))):
+    if unknown := list(
+        list_missing_packages(list_required_packages(list_requested_packages("dev"), environment))
+    ):
         sys.exit(
             f"packages are missing. Install them first: pip install -c constraints.txt {' '.join(unknown)}"
         )
-    offered = wheels(sorted(requirements))
+    offered = list_wheels(sorted(requirements))
     for kind in ("run", "dev"):
         lines = lock_lines(kind, requirements, offered)
         path = ROOT / "locks" / f"{kind}.txt"
@@ -238,6 +242,6 @@ def main() -> None:
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["lines"]:
-        print(*lines_for(*sys.argv[2:5]), sep="\n")
+        print(*make_lines_for(*sys.argv[2:5]), sep="\n")
     else:
         main()

@@ -13,7 +13,7 @@ import numpy as np
 from sample_meshes.cactus_puppet import cactus_project
 from sample_meshes.chair import make_chair
 from sample_meshes.lamp import make_lamp
-from sample_motions import library
+from sample_motions import make_library
 
 from enliven.document import Project
 from enliven.formats.project.file import write_project
@@ -28,29 +28,29 @@ def write_samples(folder: Path) -> None:
         steps = np.rint(mesh.vertices / COORDINATE_STEP_M).astype(np.int32)
         np.savez_compressed(
             folder / f"{mesh.name}.npz",
-            vertices=differences(steps),
-            faces=differences(mesh.faces),
+            vertices=compute_differences(steps),
+            faces=compute_differences(mesh.faces),
             colours=mesh.colours,
         )
     project = cactus_project()
     puppet = project.puppet("cactus")
     write_project(
         folder / "cactus.enliven",
-        project.with_characters(puppet.with_changes(mesh=quantized_mesh(puppet.mesh))),
+        project.with_characters(puppet.with_changes(mesh=quantize_mesh(puppet.mesh))),
     )
 
 
 def write_motions(path: Path) -> None:
     """Writes the studio's library of motions."""
-    write_project(path, Project().with_takes(*library()))
+    write_project(path, Project().with_takes(*make_library()))
 
 
-def differences(rows: np.ndarray) -> np.ndarray:
+def compute_differences(rows: np.ndarray) -> np.ndarray:
     """Returns (3, N) int16 differences: each of the rows (N, 3) minus the previous row."""
     return np.ascontiguousarray(np.diff(rows, axis=0, prepend=0).astype(np.int16).T)
 
 
-def quantized_mesh(mesh: Mesh) -> Mesh:
+def quantize_mesh(mesh: Mesh) -> Mesh:
     """Returns the mesh with coordinates in whole steps.
 
     The order of its faces is chosen for good compression.

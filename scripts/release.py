@@ -129,11 +129,11 @@ def check_commit(of: str) -> None:
     Raises:
         ReleaseError: if files are changed or new, or the tag is missing or on another commit.
     """
-    changed = _git("status", "--porcelain")
+    changed = _list_with_git("status", "--porcelain")
     if changed:
         raise ReleaseError(f"there are files with uncommitted changes. Commit these files first:\n{changed}")
     tag = f"v{of}"
-    if not is_development(of) and tag not in _git("tag", "--points-at", "HEAD").split():
+    if not is_development(of) and tag not in _list_with_git("tag", "--points-at", "HEAD").split():
         raise ReleaseError(f"this commit has no tag {tag}. Run: git tag -a {tag} -m 'enliven {of}'")
 
 
@@ -146,7 +146,7 @@ def build(folder: str, into: Path) -> None:
     _require(command, f"{folder}: the sdist cannot be built", ROOT / folder)
     pip = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "--no-index"]
     _require(
-        [*pip, "-w", str(into), str(_one(folder, into, "*.tar.gz"))],
+        [*pip, "-w", str(into), str(_find_only_file(folder, into, "*.tar.gz"))],
         f"{folder}: the wheel cannot be built from the sdist",
         into,
     )
@@ -166,34 +166,34 @@ def check_sdist_wheel(folder: str, built: Path) -> None:
     """
     with tempfile.TemporaryDirectory() as place:
         build_wheel(folder, Path(place))
-        direct = wheel_files(_one(folder, Path(place), "*.whl"))
-    wheel = _one(folder, built, "*.whl")
-    different = sorted(direct ^ wheel_files(wheel))
+        direct = list_wheel_files(_find_only_file(folder, Path(place), "*.whl"))
+    wheel = _find_only_file(folder, built, "*.whl")
+    different = sorted(direct ^ list_wheel_files(wheel))
     if different:
         raise ReleaseError(
             f"{wheel.name} from the sdist and from the checkout differ in the files {different}."
         )
 
 
-def wanted_files(folder: str) -> set[str]:
+def list_wanted_files(folder: str) -> set[str]:
     """Returns the paths that a package's wheel should have.
 
     They are all files that git does not ignore, and for the edge the firmware.
     """
     package = PACKAGES[folder]
-    paths = {path.removeprefix(f"{folder}/") for path in _known_to_git(f"{folder}/{package}")}
+    paths = {path.removeprefix(f"{folder}/") for path in _list_files_known_to_git(f"{folder}/{package}")}
     if folder == "edge":
-        paths |= {f"{package}/{path}" for path in _known_to_git(FIRMWARE)}
+        paths |= {f"{package}/{path}" for path in _list_files_known_to_git(FIRMWARE)}
     return paths
 
 
-def wheel_files(wheel: Path) -> set[str]:
+def list_wheel_files(wheel: Path) -> set[str]:
     """Returns the paths in a wheel, without its metadata."""
     with zipfile.ZipFile(wheel) as archive:
         return {name for name in archive.namelist() if ".dist-info/" not in name}
 
 
-def sdist_files(sdist: Path) -> set[str]:
+def list_sdist_files(sdist: Path) -> set[str]:
     """Returns the paths in an sdist, relative to its top folder."""
     with tarfile.open(sdist) as archive:
         return {member.name.partition("/")[2] for member in archive if member.isfile()}
@@ -205,8 +205,8 @@ def check_files(folder: str, built: Path) -> None:
     Raises:
         ReleaseError: if they differ. The message names missing and superfluous files.
     """
-    package, inside = PACKAGES[folder], wanted_files(folder)
-    wheel, sdist = _one(folder, built, "*.whl"), _one(folder, built, "*.tar.gz")
+    package, inside = PACKAGES[folder], list_wanted_files(folder)
+    wheel, sdist = _find_only_file(folder, built, "*.whl"), _find_only_file(folder, built, "*.tar.gz")
     extra_files = {name for name in EXTRA_SDIST_FILES if (ROOT / folder / name).exists()} | {
         ".gitignore",
         "PKG-INFO",
@@ -216,8 +216,8 @@ def check_files(folder: str, built: Path) -> None:
         for path in inside
     }
     for archive, actual, expected in (
-        (wheel, wheel_files(wheel), inside),
-        (sdist, sdist_files(sdist) | {".gitignore"}, packed | extra_files),
+        (wheel, list_wheel_files(wheel), inside),
+        (sdist, list_sdist_files(sdist) | {".gitignore"}, packed | extra_files),
     ):
         if actual != expected:
             missing, superfluous = sorted(expected - actual), sorted(actual - expected)
@@ -422,18 +422,18 @@ class Environment:
         return done.stdout.strip()
 
 
-def _one(folder: str, built: Path, pattern: str) -> Path:
+def _find_only_file(folder: str, built: Path, pattern: str) -> Path:
     (path,) = built.glob(f"{PACKAGES[folder]}-[0-9]{pattern}")
     return path
 
 
-def _git(*words: str) -> str:
+def _list_with_git(*words: str) -> str:
     return _require(["git", "-C", str(ROOT), *words], "git failed", ROOT).strip()
 
 
-def _known_to_git(folder: str) -> list[str]:
+def _list_files_known_to_git(folder: str) -> list[str]:
     """Returns the paths, relative to the checkout, of a folder's files that are tracked or not ignored."""
-    listed = _git("ls-files", "--cached", "--others", "--exclude-standard", folder).splitlines()
+    listed = _list_with_git("ls-files", "--cached", "--others", "--exclude-standard", folder).splitlines()
     return [path for path in listed if (ROOT / path).exists()]
 
 

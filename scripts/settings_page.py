@@ -25,7 +25,7 @@ _NAMES = {"chains": "chain"}
 """Keys with a name in a file that differs from the name in the class."""
 
 
-def tables(kind: type, path: str = "") -> Iterator[str]:
+def make_tables(kind: type, path: str = "") -> Iterator[str]:
     """Yields one TOML table for each group of settings.
 
     The group's own keys come first, then the nested groups.
@@ -34,10 +34,10 @@ def tables(kind: type, path: str = "") -> Iterator[str]:
     for field in dataclasses.fields(kind):
         if field.metadata.get("hidden"):
             continue
-        inner = _group(hints[field.name])
+        inner = find_group(hints[field.name])
         key = _NAMES.get(field.name, field.name)
         if inner is None:
-            rows.append(_row(field, hints[field.name]))
+            rows.append(_make_row(field, hints[field.name]))
         else:
             suffix = "" if dataclasses.is_dataclass(hints[field.name]) else ".NAME" * (key != "chain")
             groups.append((f"{path}.{key}{suffix}".lstrip("."), inner))
@@ -48,10 +48,10 @@ def tables(kind: type, path: str = "") -> Iterator[str]:
         table = ["| key | default | may be | what it is |", "|---|---|---|---|", *rows]
         yield "\n".join([*heading, summary, "", *table])
     for name, inner in groups:
-        yield from tables(inner, name)
+        yield from make_tables(inner, name)
 
 
-def _group(hint: Any) -> type | None:
+def find_group(hint: Any) -> type | None:
     """Returns the class of a group, or of the groups in a table of groups, or None for a single value."""
     for kind in (hint, *typing.get_args(hint)):
         if dataclasses.is_dataclass(kind) and isinstance(kind, type):
@@ -59,13 +59,13 @@ def _group(hint: Any) -> type | None:
     return None
 
 
-def _row(field: dataclasses.Field[Any], hint: Any) -> str:
+def _make_row(field: dataclasses.Field[Any], hint: Any) -> str:
     description = field.metadata.get("doc", "").replace("|", "\\|")
-    cells = (f"`{field.name}`", _default(field), _range(field, hint), description)
+    cells = (f"`{field.name}`", _format_default(field), _format_range(field, hint), description)
     return f"| {' | '.join(cells)} |"
 
 
-def _default(field: dataclasses.Field[Any]) -> str:
+def _format_default(field: dataclasses.Field[Any]) -> str:
     value = field.default
     if value is dataclasses.MISSING:
         if field.default_factory is dataclasses.MISSING:
@@ -80,9 +80,9 @@ def _default(field: dataclasses.Field[Any]) -> str:
     return f"`{list(value)}`" if isinstance(value, tuple) else f"`{value!r}`".replace("'", '"')
 
 
-def _range(field: dataclasses.Field[Any], hint: Any) -> str:
+def _format_range(field: dataclasses.Field[Any], hint: Any) -> str:
     """Returns the unit, the range, or the allowed words of a setting."""
-    words = [f'`"{word}"`' for word in _words(hint)]
+    words = [f'`"{word}"`' for word in _list_words(hint)]
     low, high = field.metadata.get("low", -math.inf), field.metadata.get("high", math.inf)
     unit = field.metadata.get("unit", "")
     if math.isfinite(low) and math.isfinite(high):
@@ -94,23 +94,23 @@ def _range(field: dataclasses.Field[Any], hint: Any) -> str:
     return ", ".join(words)
 
 
-def _words(hint: Any) -> Iterator[str]:
+def _list_words(hint: Any) -> Iterator[str]:
     """Yields the words of a ``Literal``, also inside a union."""
     if typing.get_origin(hint) is Literal:
         yield from map(str, typing.get_args(hint))
     elif typing.get_origin(hint) in (typing.Union, types.UnionType):
         for part in typing.get_args(hint):
-            yield from _words(part)
+            yield from _list_words(part)
 
 
-def written(page: str) -> str:
+def make_page(page: str) -> str:
     """Returns the page with everything between its marks regenerated."""
 
     def made(match: re.Match[str]) -> str:
-        return "\n\n".join([f"<!-- settings {match[1]} -->", *tables(KINDS[match[1]]), "<!-- end -->"])
+        return "\n\n".join([f"<!-- settings {match[1]} -->", *make_tables(KINDS[match[1]]), "<!-- end -->"])
 
     return re.sub(r"<!-- settings (\w+) -->.*?<!-- end -->", made, page, flags=re.DOTALL)
 
 
 if __name__ == "__main__":
-    PAGE.write_text(written(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    PAGE.write_text(make_page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

@@ -51,7 +51,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(File.generated(config, uri, content=(ROOT / path).read_text(encoding="utf-8")))
     for path in PICTURES:
         files.append(File.generated(config, path, abs_src_path=str(ROOT / path)))
-    files.append(File.generated(config, API, content=api_page()))
+    files.append(File.generated(config, API, content=make_api_page()))
     return files
 
 
@@ -62,7 +62,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     source = sources.get(uri, f"docs/{uri}")
 
     def rewrite(match: re.Match[str]) -> str:
-        return rewritten(match, source, uri, files)
+        return rewrite_link(match, source, uri, files)
 
     return LINK.sub(rewrite, markdown)
 
@@ -75,7 +75,7 @@ def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -
     return re.sub(r"<code>~?(?:[a-z_]+\.)+(\w+)</code>", r"<code>\1</code>", html)
 
 
-def rewritten(match: re.Match[str], source: str, uri: str, files: Any) -> str:
+def rewrite_link(match: re.Match[str], source: str, uri: str, files: Any) -> str:
     """Returns a link of a page rewritten for the site, or the link's text if its target is not in the site.
 
     Args:
@@ -95,28 +95,28 @@ def rewritten(match: re.Match[str], source: str, uri: str, files: Any) -> str:
     return f"{mark}[{text}]({relative}{anchor or ''})"
 
 
-def api_page() -> str:
+def make_api_page() -> str:
     """Returns the page of the names that ``from enliven import ...`` offers."""
     head = (
         "# Library API\n\nFor authors of scripts: the names that `from enliven import ...` offers, with "
         "their parameters. [The library page](library.md) shows each at work.\n"
     )
-    names = sorted(exported("enliven").items(), key=lambda item: item[0].lower())
+    names = sorted(list_exported("enliven").items(), key=lambda item: item[0].lower())
     return head + "".join(f"\n::: {module}.{name}\n" for name, module in names if module)
 
 
-def exported(package: str) -> dict[str, str]:
+def list_exported(package: str) -> dict[str, str]:
     """Returns the names that a package's stub exports, each with the module that defines it."""
     folder = ROOT / "shared" / Path(*package.split("."))
     stub = (folder / "__init__.pyi").read_text(encoding="utf-8")
     result = {}
     for module, names in re.findall(r"^from \.([\w.]+) import (\([^)]*\)|.*)$", stub, re.MULTILINE):
         for name in re.findall(r"(\w+)(?: as \w+)?", re.sub(r" as \w+", "", names)):
-            result[name] = defining_module(f"{package}.{module}", name)
+            result[name] = find_defining_module(f"{package}.{module}", name)
     return result
 
 
-def defining_module(module: str, name: str) -> str:
+def find_defining_module(module: str, name: str) -> str:
     """Returns the module that defines a name.
 
     The name is imported from ``module``, which is a module or a package with a stub.
@@ -124,4 +124,4 @@ def defining_module(module: str, name: str) -> str:
     folder = ROOT / "shared" / Path(*module.split("."))
     if not (folder / "__init__.pyi").exists():
         return module
-    return exported(module).get(name, module)
+    return list_exported(module).get(name, module)

@@ -47,7 +47,7 @@ class Row:
     apart: bool = False
 
 
-def rows(load: int) -> list[Row]:
+def list_rows(load: int) -> list[Row]:
     """Returns all rows, in the order in which they run."""
     cores = ("Sandybridge", "Haswell", "SkylakeX", "Zen")
     old = {"NPY_DISABLE_CPU_FEATURES": PLAIN_NUMPY, "NUMBA_CPU_NAME": "generic"}
@@ -62,7 +62,7 @@ def rows(load: int) -> list[Row]:
 
 
 @contextlib.contextmanager
-def kept_busy(count: int) -> Iterator[None]:
+def keep_busy(count: int) -> Iterator[None]:
     """Keeps ``count`` processes busy in an endless loop."""
     circles = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
     try:
@@ -73,7 +73,7 @@ def kept_busy(count: int) -> Iterator[None]:
             circle.wait()
 
 
-def command_of(row: Row, rest: list[str]) -> str:
+def make_command(row: Row, rest: list[str]) -> str:
     """Returns the command line that runs this row alone."""
     words = [f"{name}={shlex.quote(value)}" for name, value in row.environment.items()]
     words += ["NUMBA_CACHE_DIR=$(mktemp -d)"] if row.apart else []
@@ -90,7 +90,7 @@ def count_results(output: str) -> tuple[int, int]:
 
 def run(row: Row, rest: list[str]) -> tuple[bool, str]:
     """Runs a row. Returns True if it passed, and its line of the table."""
-    with tempfile.TemporaryDirectory() as kernels, kept_busy(row.busy):
+    with tempfile.TemporaryDirectory() as kernels, keep_busy(row.busy):
         extra = {"NUMBA_CACHE_DIR": kernels} if row.apart else {}
         begun = time.monotonic()
         done = subprocess.run(
@@ -102,7 +102,7 @@ def run(row: Row, rest: list[str]) -> tuple[bool, str]:
     if done.returncode:
         print(f"--- {row.name}: exit {done.returncode}\n{done.stdout}\n{done.stderr}", file=sys.stderr)
     load_note = f" with {row.busy} busy processes" if row.busy else ""
-    line = f"| {row.name} | `{command_of(row, rest)}`{load_note} | {passed} | {failed} | {seconds:.0f} |"
+    line = f"| {row.name} | `{make_command(row, rest)}`{load_note} | {passed} | {failed} | {seconds:.0f} |"
     return done.returncode == 0, line
 
 
@@ -112,7 +112,7 @@ def main() -> int:
     parser.add_argument("--load", type=int, default=8, help="number of busy processes of the row 'load'")
     options, rest = parser.parse_known_args()
     rest = [word for word in rest if word != "--"]
-    rows_by_name = {row.name: row for row in rows(options.load)}
+    rows_by_name = {row.name: row for row in list_rows(options.load)}
     if unknown := [name for name in options.only if name not in rows_by_name]:
         parser.error(f"unknown rows: {' '.join(unknown)}. Known rows: {' '.join(rows_by_name)}")
     print("| row | command | passed | failed | seconds |\n|---|---|---|---|---|", flush=True)

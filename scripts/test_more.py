@@ -19,7 +19,7 @@ MAX_EXAMPLE_FACTOR = 64
 up to this factor."""
 
 
-def round_of_laws(seed: int, times: int, until: float, rest: list[str]) -> bool:
+def run_laws(seed: int, times: int, until: float, rest: list[str]) -> bool:
     """Runs one round of property-based tests in random order until the time is up.
 
     Returns True if all passed.
@@ -43,7 +43,7 @@ def main() -> int:
     rounds, fell = 0, []
     while time.time() < until:
         seed = random.SystemRandom().randrange(2**32)
-        if not round_of_laws(seed, min(2**rounds, MAX_EXAMPLE_FACTOR), until, rest):
+        if not run_laws(seed, min(2**rounds, MAX_EXAMPLE_FACTOR), until, rest):
             fell.append(seed)
         rounds += 1
     print(f"{rounds} rounds in {options.minutes:g} min; seeds with failed tests: {fell or 'none'}")

@@ -68,44 +68,44 @@ TEXT_FUNCTION_PREFIXES = ("hint", "lacks", "why_not", "at_end")
 The texts are hints of tools, or reasons."""
 
 
-def constants(node: ast.AST) -> Iterator[ast.Constant]:
+def find_constants(node: ast.AST) -> Iterator[ast.Constant]:
     """Yields the complete texts in an expression. Keys of a table and parts of another text are skipped."""
     if isinstance(node, ast.Constant):
         if isinstance(node.value, str) and any(letter.isalpha() for letter in node.value):
             yield node
     elif isinstance(node, ast.Dict):
         for value in node.values:
-            yield from constants(value)
+            yield from find_constants(value)
     elif isinstance(node, (ast.Tuple, ast.List)):
         for value in node.elts:
-            yield from constants(value)
+            yield from find_constants(value)
     elif isinstance(node, ast.IfExp):
-        yield from constants(node.body)
-        yield from constants(node.orelse)
+        yield from find_constants(node.body)
+        yield from find_constants(node.orelse)
     elif isinstance(node, ast.BoolOp):
         for value in node.values:
-            yield from constants(value)
+            yield from find_constants(value)
 
 
-def displayed_texts(tree: ast.Module) -> Iterator[ast.Constant]:
+def find_displayed_texts(tree: ast.Module) -> Iterator[ast.Constant]:
     """Yields the texts of a module that are passed to a translating function."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):
             name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
             for place in TRANSLATING_FUNCTIONS.get(name, ()):
                 if place < len(node.args):
-                    yield from constants(node.args[place])
+                    yield from find_constants(node.args[place])
         elif isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
             if any(isinstance(target, ast.Name) and target.id in TEXT_TABLES for target in targets):
-                yield from constants(node.value)
+                yield from find_constants(node.value)
         elif isinstance(node, ast.FunctionDef) and node.name.lstrip("_").startswith(TEXT_FUNCTION_PREFIXES):
             for part in ast.walk(node):
                 if isinstance(part, ast.Return) and part.value is not None:
-                    yield from constants(part.value)
+                    yield from find_constants(part.value)
 
 
-def modules() -> list[Path]:
+def list_modules() -> list[Path]:
     """Returns the modules that draw the window."""
     return sorted(path for room in WINDOW_FOLDERS for path in (VIEWER / room).rglob("*.py"))
 
@@ -127,15 +127,15 @@ def texts() -> dict[str, str]:
         places.setdefault(look, "looks")
     for group, name, *_ in SETTING_SLIDERS:
         places.setdefault(get_description(SETTINGS[group], name), f"setting {name}")
-    for path in modules():
-        for node in displayed_texts(ast.parse(path.read_text("utf-8"))):
+    for path in list_modules():
+        for node in find_displayed_texts(ast.parse(path.read_text("utf-8"))):
             places.setdefault(node.value, f"{path.relative_to(HOUSE).as_posix()}:{node.lineno}")
     return places
 
 
-def plurals() -> dict[str, str]:
+def find_plurals() -> dict[str, str]:
     """Returns the singular texts, each with its plural text."""
-    calls = (node for path in modules() for node in ast.walk(ast.parse(path.read_text("utf-8"))))
+    calls = (node for path in list_modules() for node in ast.walk(ast.parse(path.read_text("utf-8"))))
     return {
         str(ast.literal_eval(node.args[0])): str(ast.literal_eval(node.args[1]))
         for node in calls
@@ -150,7 +150,7 @@ def is_translated(entry: polib.POEntry) -> bool:
 
 def update(catalogue: polib.POFile, texts: dict[str, str]) -> None:
     """Adds missing texts to a catalogue, and removes texts that the window no longer has."""
-    many = plurals()
+    many = find_plurals()
     for entry in list(catalogue):
         if entry.msgid not in texts or entry.msgid_plural != many.get(entry.msgid, ""):
             catalogue.remove(entry)

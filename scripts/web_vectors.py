@@ -45,9 +45,9 @@ def make_vectors() -> dict[str, Any]:
     rng = np.random.default_rng(7)
     nodes, strengths = np.array([3, 300]), np.array([1.0, 0.2])
     return {
-        "characters": [character_case(kind, rng) for kind in KINDS],
-        "bodies": bodies_case(rng),
-        "props": props_case(rng),
+        "characters": [make_character_case(kind, rng) for kind in KINDS],
+        "bodies": make_bodies_case(rng),
+        "props": make_props_case(rng),
         "cues": [
             base64.b64encode(
                 pack_stream(cues_to_message("chair", "possessed", nodes, strengths, 4, 9, owners))
@@ -93,7 +93,7 @@ def make_poses(character: Character, rng: np.random.Generator) -> Iterator[Pose]
         yield Pose(character.id, 10**18 + number, linear, positions)
 
 
-def character_case(kind: str, rng: np.random.Generator) -> dict[str, Any]:
+def make_character_case(kind: str, rng: np.random.Generator) -> dict[str, Any]:
     """Returns a character, and its poses with their transforms and skinned vertices."""
     character = make_character(kind, rng)
     payload = pack_payload(character_to_message(character, 5))
@@ -105,26 +105,26 @@ def character_case(kind: str, rng: np.random.Generator) -> dict[str, Any]:
         poses.append(
             {
                 "data": base64.b64encode(pack_stream(message)).decode(),
-                "linear": _numbers(decoded.linear),
-                "positions": _numbers(decoded.positions),
-                "skinned": _numbers(skin_vertices(character, decoded)),
+                "linear": _list_numbers(decoded.linear),
+                "positions": _list_numbers(decoded.positions),
+                "skinned": _list_numbers(skin_vertices(character, decoded)),
             }
         )
     return {"kind": kind, "payload": base64.b64encode(payload).decode(), "poses": poses}
 
 
-def bodies_case(rng: np.random.Generator) -> dict[str, Any]:
+def make_bodies_case(rng: np.random.Generator) -> dict[str, Any]:
     """Returns a message of two tracked people, and their joints."""
     bodies = [Body(id, rng.uniform(-2, 2, (20, 3)), rng.uniform(0, 1, 20)) for id in (3, 12)]
     message = bodies_to_message(bodies, 5, 6)
     return {
         "data": base64.b64encode(pack_stream(message)).decode(),
-        "joints": [_numbers(body.joints) for body in message_to_bodies(message)],
-        "confidence": [_numbers(body.confidence) for body in message_to_bodies(message)],
+        "joints": [_list_numbers(body.joints) for body in message_to_bodies(message)],
+        "confidence": [_list_numbers(body.confidence) for body in message_to_bodies(message)],
     }
 
 
-def props_case(rng: np.random.Generator) -> dict[str, Any]:
+def make_props_case(rng: np.random.Generator) -> dict[str, Any]:
     """Returns a message of a box and a ball, and their positions and rotations."""
     turns = rng.normal(0, 1, (2, 4))
     props = Props(
@@ -141,9 +141,9 @@ def props_case(rng: np.random.Generator) -> dict[str, Any]:
     decoded = message_to_props(message)
     return {
         "data": base64.b64encode(pack_stream(message)).decode(),
-        "positions": _numbers(decoded.positions),
-        "turns": _numbers(decoded.turns),
-        "sizes": _numbers(decoded.sizes),
+        "positions": _list_numbers(decoded.positions),
+        "turns": _list_numbers(decoded.turns),
+        "sizes": _list_numbers(decoded.sizes),
     }
 
 
@@ -157,7 +157,7 @@ def read_vector_poses(case: dict[str, Any]) -> tuple[Character, list[bytes]]:
     return message_to_character(message), [base64.b64decode(pose["data"]) for pose in case["poses"]]
 
 
-def _numbers(array: Float | Float32) -> list[float]:
+def _list_numbers(array: Float | Float32) -> list[float]:
     """Returns all numbers in order, rounded to float32 and to seven significant digits."""
     return [float(f"{value:.7g}") for value in np.asarray(array, np.float32).reshape(-1)]
 

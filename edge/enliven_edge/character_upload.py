@@ -10,7 +10,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-from enliven.errors import EnlivenError, InputError, plain_reason
+from enliven.errors import EnlivenError, InputError, find_plain_reason
 from enliven.files import DAMAGE
 from enliven.possession import Actor
 from enliven.wire import (
@@ -102,7 +102,7 @@ class _Preparation(threading.Thread):
         except EnlivenError as error:
             self.refused = InputError(error.what, where=error.where or where, remedy=error.remedy)
         except (*DAMAGE, RuntimeError) as error:
-            problem = f"the character is damaged: {plain_reason(error)}"
+            problem = f"the character is damaged: {find_plain_reason(error)}"
             self.refused = InputError(
                 problem, where=where, remedy="Open the character in enliven studio, and correct it."
             )

@@ -31,19 +31,19 @@ def checks() -> list[Check]:
 
 def _check_recording() -> Check:
     """Checks the recording that ``enliven run`` replays."""
-    path = shipped_recording()
+    path = find_shipped_recording()
     remedy = "Create the recording again: enliven synthesize -o chair.mcap"
     return Check("shipped recording", path.is_file(), path.name if path.is_file() else "not found", remedy)
 
 
 def _list_crash_reports() -> Check:
     """Lists the stored crash reports. Stored reports are not a failed check."""
-    reports = crash_reports.stored_reports()
+    reports = crash_reports.list_stored_reports()
     detail = "\n".join([f"{len(reports)} stored in {crash_reports.reports_folder()}", *map(str, reports)])
     return Check("crash reports", True, detail if reports else "none stored")
 
 
-def shipped_recording() -> Path:
+def find_shipped_recording() -> Path:
     """Returns the path of the recording that is shipped with the package."""
     return Path(str(resources.files("enliven_edge") / "assets" / "chair.mcap"))
 

@@ -140,17 +140,17 @@ class ProgressReporter(Closeable):
 
     def _run(self) -> None:
         """Reports progress and writes the state until the edge ends."""
-        reported_at, recorded_at, ended = None, time.monotonic(), False
-        while not ended:
+        reported_at, recorded_at, has_ended = None, time.monotonic(), False
+        while not has_ended:
             self._wakes.wait(_REPORT_INTERVAL_S)
             self._wakes.clear()
-            ended = self._ended.is_set()
+            has_ended = self._ended.is_set()
             progress_at, now = self._progress_at, time.monotonic()
             is_first = reported_at is None and progress_at is not None
             if progress_at != reported_at:
                 reported_at = progress_at
                 self._notifier.report_progress(self._sentence)
-            if self._writes and (ended or is_first or now - recorded_at >= _RECORD_INTERVAL_S):
+            if self._writes and (has_ended or is_first or now - recorded_at >= _RECORD_INTERVAL_S):
                 recorded_at = now
                 self._write_record()
 

@@ -92,7 +92,7 @@ def remove_telemetry_files() -> list[Path]:
     session = Path(tempfile.gettempdir()) / ".ses"
     # Other libraries of the same vendor write this session file, too. So it is removed only together with the
     # telemetry folder.
-    if removed and _SESSION.fullmatch(_first_bytes(session)):
+    if removed and _SESSION.fullmatch(_read_first_bytes(session)):
         with contextlib.suppress(OSError):
             session.unlink()
             removed.append(session)
@@ -139,8 +139,8 @@ def _remove_own_files(folder: int) -> list[str]:
     names = [name for name in os.listdir(folder) if _FILES.fullmatch(name)]
     if "onnxruntime.db-shm" in names and _is_in_use("onnxruntime.db-shm", folder):
         return []
-    is_queue = _first_bytes("onnxruntime.db", folder).startswith(_SQLITE_MAGIC)
-    is_device_id = _DEVICE_ID.fullmatch(_first_bytes("deviceid", folder)) is not None
+    is_queue = _read_first_bytes("onnxruntime.db", folder).startswith(_SQLITE_MAGIC)
+    is_device_id = _DEVICE_ID.fullmatch(_read_first_bytes("deviceid", folder)) is not None
     removed = []
     for name in names:
         is_telemetry = is_device_id if name.startswith("deviceid") else is_queue
@@ -155,7 +155,7 @@ def _is_own_file(status: os.stat_result) -> bool:
     return stat.S_ISREG(status.st_mode) and status.st_uid == os.geteuid() and status.st_nlink == 1
 
 
-def _first_bytes(path: Path | str, folder: int | None = None) -> bytes:
+def _read_first_bytes(path: Path | str, folder: int | None = None) -> bytes:
     """Returns the first bytes of this user's regular file, or no bytes if it does not exist."""
     flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     try:

@@ -147,8 +147,8 @@ class Scans:
 
     def _reserved_ids(self) -> Iterator[tuple[str, Peer | None]]:
         """Yields the id that the scan will have on the stage. The id is reserved for the scan."""
-        done = self._scan is not None and self._scan.phase == "done"
-        if (self._scan is not None or self._beginning is not None) and not done:
+        is_done = self._scan is not None and self._scan.phase == "done"
+        if (self._scan is not None or self._beginning is not None) and not is_done:
             yield self._name, None
 
     def _create_cast(self) -> Cast:

@@ -96,7 +96,7 @@ def _surface_actor(upload: Upload, *, fit: bool = False) -> Actor:
     def prepare() -> PreparedCharacter:
         return prepare_character(character.mesh, character.id, settings.nodes, settings.actor, fit=fit)
 
-    return _stored_actor(upload, prepare, settings.nodes, fit)
+    return _read_stored_actor(upload, prepare, settings.nodes, fit)
 
 
 def _graph_actor(upload: Upload) -> Actor:
@@ -121,10 +121,10 @@ def _graph_actor(upload: Upload) -> Actor:
         return create_stage_actor(
             prepare()
         )  # Do not store a mesh that is being edited, because it soon changes again.
-    return _stored_actor(upload, prepare, nodes, upload.order.fit)
+    return _read_stored_actor(upload, prepare, nodes, upload.order.fit)
 
 
-def _stored_actor(
+def _read_stored_actor(
     upload: Upload, prepare: Callable[[], PreparedCharacter], nodes: int, fit: bool
 ) -> EmbeddedActor:
     """Returns the actor of a mesh from the store of prepared characters, or prepares and stores it."""

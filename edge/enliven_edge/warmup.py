@@ -11,7 +11,7 @@ import numpy as np
 from enliven.arrays import UInt16
 from enliven.frames import DepthFrame
 from enliven.recording import Recording
-from enliven_edge.doctor import shipped_recording
+from enliven_edge.doctor import find_shipped_recording
 from enliven_edge.tracking.detect.arm_starts import densest_ball
 from enliven_edge.tracking.scene.floor import correct_mounting, world_from_floor
 from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
@@ -71,7 +71,7 @@ def compile_scene_kernels() -> None:
 
 def _recorded_frames() -> Iterator[DepthFrame]:
     """Yields the depth frames of the shipped recording."""
-    return (frame for frame in Recording(shipped_recording()).frames() if isinstance(frame, DepthFrame))
+    return (frame for frame in Recording(find_shipped_recording()).frames() if isinstance(frame, DepthFrame))
 
 
 def _warm_up_frames() -> Iterator[DepthFrame]:

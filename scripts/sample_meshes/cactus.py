@@ -61,18 +61,22 @@ def make_cactus(cell: float = 0.018) -> Mesh:
     low, high = np.array([-0.56, -0.04, -0.28]), np.array([0.56, 1.42, 0.28])
     # The grid is symmetric, so that the mesh is also symmetric.
     low[0] = -cell * (np.ceil(0.56 / cell) + 0.5)
-    vertices, faces = surface_of(lambda points: _parts(points)[0], low, high, cell)
-    part = _parts(vertices)[1]
-    return Mesh(vertices - [0.0, vertices[:, 1].min(), 0.0], faces, "cactus", _vertex_colours(vertices, part))
+    vertices, faces = surface_of(lambda points: _compute_parts(points)[0], low, high, cell)
+    part = _compute_parts(vertices)[1]
+    return Mesh(
+        vertices - [0.0, vertices[:, 1].min(), 0.0], faces, "cactus", _compute_vertex_colours(vertices, part)
+    )
 
 
-def _parts(points: Float) -> tuple[Float, Int]:
+def _compute_parts(points: Float) -> tuple[Float, Int]:
     """Returns (N,) the signed distance of points (N, 3) in metres, and (N,) the nearest part."""
     mirrored = np.abs(points) * [1.0, 0.0, 0.0] + points * [0.0, 1.0, 1.0]
-    green = _green(mirrored)
+    green = _compute_green_distance(mirrored)
     eye = np.linalg.norm(mirrored - [0.055, 1.08, 0.138], axis=1) - 0.036
     pupil = np.linalg.norm(mirrored - [0.053, 1.082, 0.166], axis=1) - 0.016
-    distances = np.stack([_pot(points), _soil(points), green, eye, pupil, *_bloom(points)])
+    distances = np.stack(
+        [_compute_pot_distance(points), _compute_soil_distance(points), green, eye, pupil, *_bloom(points)]
+    )
     # The fillets prevent crevices that are narrower than a cell.
     whole = distances[0]
     for distance in distances[1:]:
@@ -80,20 +84,24 @@ def _parts(points: Float) -> tuple[Float, Int]:
     return whole, distances.argmin(0)
 
 
-def _green(points: Float) -> Float:
+def _compute_green_distance(points: Float) -> Float:
     """Returns the distance to trunk and left arm. The right arm is the mirror image of the left arm."""
-    trunk = _capsule(points, np.array([0.0, 0.22, 0.0]), TOP - [0.0, _TRUNK_RADIUS, 0.0], _TRUNK_RADIUS)
-    trunk = trunk + 0.009 * _ribs(points, _RIB_COUNT, _TRUNK_RADIUS)
+    trunk = _compute_capsule_distance(
+        points, np.array([0.0, 0.22, 0.0]), TOP - [0.0, _TRUNK_RADIUS, 0.0], _TRUNK_RADIUS
+    )
+    trunk = trunk + 0.009 * _compute_rib_depth(points, _RIB_COUNT, _TRUNK_RADIUS)
     shoulder, bend = np.array([0.08, 0.62, 0.0]), np.array([0.30, 0.66, 0.0])
-    out = _capsule(points, shoulder, bend, _ARM_RADIUS)
-    up = _capsule(points, np.array([0.365, 0.74, 0.0]), TIP - [0.0, _ARM_RADIUS, 0.0], _ARM_RADIUS)
-    corner = _capsule(points, bend, np.array([0.365, 0.74, 0.0]), _ARM_RADIUS)
-    up = up + 0.006 * _ribs(points - [0.385, 0.0, 0.0], 7, _ARM_RADIUS)
+    out = _compute_capsule_distance(points, shoulder, bend, _ARM_RADIUS)
+    up = _compute_capsule_distance(
+        points, np.array([0.365, 0.74, 0.0]), TIP - [0.0, _ARM_RADIUS, 0.0], _ARM_RADIUS
+    )
+    corner = _compute_capsule_distance(points, bend, np.array([0.365, 0.74, 0.0]), _ARM_RADIUS)
+    up = up + 0.006 * _compute_rib_depth(points - [0.385, 0.0, 0.0], 7, _ARM_RADIUS)
     arm = _smooth_union(_smooth_union(out, corner, 0.03), up, 0.03)
     return _smooth_union(trunk, arm, _BLEND_WIDTH)
 
 
-def _ribs(points: Float, count: int, radius: float) -> Float:
+def _compute_rib_depth(points: Float, count: int, radius: float) -> Float:
     """Returns the depth of the grooves between ribs around the vertical axis.
 
     It is 0 on the ribs, 2 between them, and 0 on the axis.
@@ -103,18 +111,18 @@ def _ribs(points: Float, count: int, radius: float) -> Float:
     return np.asarray(between * np.minimum(away / (0.6 * radius), 1.0) ** 2)
 
 
-def _pot(points: Float) -> Float:
+def _compute_pot_distance(points: Float) -> Float:
     """Returns the distance to the pot: a cone that opens upwards, with a rim."""
     away, height = np.hypot(points[:, 0], points[:, 2]), points[:, 1]
     wall = (away - (0.155 + 0.19 * height)) * 0.98
     body = np.maximum(wall, np.abs(height - 0.115) - 0.115)
-    rim = _rounded_rectangle(away - 0.185, height - 0.225, 0.030, 0.026, 0.014)
+    rim = _make_rounded_rectangle(away - 0.185, height - 0.225, 0.030, 0.026, 0.014)
     rim = np.maximum(rim, -(0.16 - away))
-    disc = _rounded_rectangle(away, height - 0.225, 0.215, 0.026, 0.014)
+    disc = _make_rounded_rectangle(away, height - 0.225, 0.215, 0.026, 0.014)
     return np.asarray(np.minimum(body, np.minimum(rim, disc)))
 
 
-def _soil(points: Float) -> Float:
+def _compute_soil_distance(points: Float) -> Float:
     """Returns the distance to the soil: a low mound in the pot."""
     squeezed = (points - [0.0, 0.235, 0.0]) * [1.0, 4.0, 1.0]
     return np.asarray((np.linalg.norm(squeezed, axis=1) - 0.182) / 2.0)
@@ -131,13 +139,13 @@ def _bloom(points: Float) -> tuple[Float, Float]:
     return petal, heart
 
 
-def _capsule(points: Float, start: Float, end: Float, radius: float) -> Float:
+def _compute_capsule_distance(points: Float, start: Float, end: Float, radius: float) -> Float:
     way = end - start
     share = np.clip((points - start) @ way / (way @ way), 0.0, 1.0)
     return np.asarray(np.linalg.norm(points - start - share[:, None] * way, axis=1) - radius)
 
 
-def _rounded_rectangle(across: Float, up: Float, wide: float, tall: float, corner: float) -> Float:
+def _make_rounded_rectangle(across: Float, up: Float, wide: float, tall: float, corner: float) -> Float:
     """Returns the distance to a rectangle with round corners that is rotated about the vertical axis."""
     out = np.stack([np.abs(across) - wide + corner, np.abs(up) - tall + corner])
     return np.asarray(np.hypot(*np.maximum(out, 0.0)) + np.minimum(out.max(0), 0.0) - corner)
@@ -149,7 +157,7 @@ def _smooth_union(a: Float, b: Float, blend: float) -> Float:
     return np.asarray(np.minimum(a, b) - share * share * blend / 4.0)
 
 
-def _vertex_colours(vertices: Float, part: Int) -> UInt8:
+def _compute_vertex_colours(vertices: Float, part: Int) -> UInt8:
     """Returns (V, 3) the colours of the parts.
 
     The trunk is darker between the ribs, and has thorns on the ribs.

@@ -114,7 +114,7 @@ def cactus_project(cell: float = 0.018) -> Project:
     Args:
         cell: approximate length of an edge of the mesh in metres.
     """
-    bodies = [_performer(pose) for pose in _POSES]
+    bodies = [_make_performer(pose) for pose in _POSES]
     take = clip_of_bodies(bodies, np.arange(len(bodies), dtype=np.float64), TAKE, step=1.0)
     mesh = make_cactus(cell)
     near = [int(np.linalg.norm(mesh.vertices - at, axis=1).argmin()) for _, at, _ in _POINTS]
@@ -123,14 +123,14 @@ def cactus_project(cell: float = 0.018) -> Project:
         for (name, _, joint), vertex in zip(_POINTS, near, strict=True)
     )
     rest = mesh.vertices[near]
-    poses = tuple(KeyPose(TAKE, float(k), _places(pose, rest)) for k, pose in enumerate(_POSES))
+    poses = tuple(KeyPose(TAKE, float(k), _compute_places(pose, rest)) for k, pose in enumerate(_POSES))
     plane = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     surface = replace(ArapSettings(), hold=0.03)
     puppet = ExampleCharacter("cactus", mesh, points, poses, symmetry=plane, surface=surface)
     return Project().with_takes(take).with_characters(puppet)
 
 
-def _performer(pose: _Pose) -> Body:
+def _make_performer(pose: _Pose) -> Body:
     """Returns a person in a pose. The person faces +Z."""
     trunk = _turn(pose.lean, pose.bow)
     ways = {joint: np.array([0.0, 1.0, 0.0]) for joint in Joint}
@@ -158,7 +158,7 @@ def _performer(pose: _Pose) -> Body:
     return Body(0, joints, np.ones(len(Joint)))
 
 
-def _places(pose: _Pose, rest: Float) -> Float:
+def _compute_places(pose: _Pose, rest: Float) -> Float:
     """Returns (P, 3) the positions of the control points in a pose in metres."""
     places = rest.copy()
     arms = {"left": (pose.left, 1.0), "right": (pose.right, -1.0)}
@@ -167,16 +167,16 @@ def _places(pose: _Pose, rest: Float) -> Float:
         if part in ("elbow", "hand"):
             arm, sign = arms[side]
             at = np.array(arm.elbow if part == "elbow" else arm.end) * [sign, 1.0, 1.0]
-            places[k] = _on_trunk(pose, at, _SHOULDER_HEIGHT)
+            places[k] = _place_on_trunk(pose, at, _SHOULDER_HEIGHT)
         elif part != "foot" and side != "pot":
-            places[k] = _on_trunk(pose, rest[k], rest[k, 1])
+            places[k] = _place_on_trunk(pose, rest[k], rest[k, 1])
     if pose.step:
         edge = np.array([-0.15, 0.0, 0.0])
         places = (places - edge) @ _turn(-0.42 * pose.step, 0.0).T + edge
     return places
 
 
-def _on_trunk(pose: _Pose, at: Float, height: float) -> Float:
+def _place_on_trunk(pose: _Pose, at: Float, height: float) -> Float:
     """Returns (3,) the position in metres of a point that moves with the trunk at a height.
 
     The trunk is bent and compressed by the pose.

@@ -55,7 +55,7 @@ def make_chair(cell: float = 0.0135) -> Mesh:
     Args:
         cell: approximate length of an edge in metres.
     """
-    boards = _chair_boards()
+    boards = _make_chair_boards()
     pieces, starts = _pieces(boards)
     boxes = _boxes(boards)
     wood = np.array([board.colour != _FABRIC_COLOUR for board in boards])
@@ -67,10 +67,10 @@ def make_chair(cell: float = 0.0135) -> Mesh:
     vertices, faces = surface_of(field, low, high, cell)
     nearest = np.asarray(_distance(vertices, pieces, starts, boxes, wood)[1])
     vertices[:, 1] -= vertices[:, 1].min()
-    return Mesh(vertices, faces, "chair", _vertex_colours(vertices, nearest, boards))
+    return Mesh(vertices, faces, "chair", _compute_vertex_colours(vertices, nearest, boards))
 
 
-def _curve(*points: tuple[float, float, float], count: int = 10) -> Float:
+def _make_curve(*points: tuple[float, float, float], count: int = 10) -> Float:
     """Returns (count, 3) points of a Bezier curve with the given control points."""
     control = np.array(points, np.float64)
     t = np.linspace(0, 1, count)[:, None, None]
@@ -83,93 +83,105 @@ def _curve(*points: tuple[float, float, float], count: int = 10) -> Float:
     return np.ascontiguousarray(control[:, 0])
 
 
-def _taper(path: Float, first: tuple[float, float], last: tuple[float, float]) -> Float:
+def _make_taper(path: Float, first: tuple[float, float], last: tuple[float, float]) -> Float:
     """Returns (P, 2) half sizes, interpolated linearly from ``first`` to ``last`` along ``path``."""
     t = np.linspace(0, 1, len(path))[:, None]
     return np.array(first) * (1 - t) + np.array(last) * t
 
 
-def _chair_boards() -> list[_Board]:
+def _make_chair_boards() -> list[_Board]:
     """Returns all parts of the chair. Seen from the seat, x points to the left, y up and z forward."""
-    boards = [*_seat(), *_back()]
+    boards = [*_make_seat(), *_make_back()]
     for side in (-1.0, 1.0):
-        boards += [*_legs(side), *_arm(side)]
+        boards += [*_make_legs(side), *_make_arm(side)]
     return boards
 
 
-def _legs(side: float) -> list[_Board]:
+def _make_legs(side: float) -> list[_Board]:
     """Returns a back leg, a front leg, and the stretcher between them.
 
     The back leg continues upward as the post of the back.
     """
     x = side * 0.222
-    lower = _curve((x, 0.022, -0.045), (x, 0.45, 0.0), (side * 0.215, 0.85, 0.0))
-    post = _curve((side * 0.215, 0.85, 0.0), (side * 0.212, 1.3, -0.01), (side * 0.205, 1.69, -0.085))
-    front = _curve((side * 0.235, 0.022, 0.515), (side * 0.235, 0.45, 0.50), (side * 0.228, 0.80, 0.485))
-    stretcher = _curve((x, 0.30, -0.015), (side * 0.228, 0.285, 0.25), (side * 0.235, 0.30, 0.505))
+    lower = _make_curve((x, 0.022, -0.045), (x, 0.45, 0.0), (side * 0.215, 0.85, 0.0))
+    post = _make_curve((side * 0.215, 0.85, 0.0), (side * 0.212, 1.3, -0.01), (side * 0.205, 1.69, -0.085))
+    front = _make_curve((side * 0.235, 0.022, 0.515), (side * 0.235, 0.45, 0.50), (side * 0.228, 0.80, 0.485))
+    stretcher = _make_curve((x, 0.30, -0.015), (side * 0.228, 0.285, 0.25), (side * 0.235, 0.30, 0.505))
     right = (1.0, 0.0, 0.0)
     return [
-        _Board(lower, _taper(lower, (0.026, 0.028), (0.037, 0.040)), right, 0.014, _OAK_COLOUR),
-        _Board(post, _taper(post, (0.037, 0.040), (0.030, 0.028)), right, 0.014, _OAK_COLOUR),
-        _Board(front, _taper(front, (0.026, 0.026), (0.038, 0.038)), right, 0.014, _OAK_COLOUR),
-        _Board(stretcher, _taper(stretcher, (0.018, 0.026), (0.018, 0.026)), right, 0.011, _STAINED_COLOUR),
+        _Board(lower, _make_taper(lower, (0.026, 0.028), (0.037, 0.040)), right, 0.014, _OAK_COLOUR),
+        _Board(post, _make_taper(post, (0.037, 0.040), (0.030, 0.028)), right, 0.014, _OAK_COLOUR),
+        _Board(front, _make_taper(front, (0.026, 0.026), (0.038, 0.038)), right, 0.014, _OAK_COLOUR),
+        _Board(
+            stretcher, _make_taper(stretcher, (0.018, 0.026), (0.018, 0.026)), right, 0.011, _STAINED_COLOUR
+        ),
     ]
 
 
-def _arm(side: float) -> list[_Board]:
+def _make_arm(side: float) -> list[_Board]:
     """Returns an armrest.
 
     It begins at the back's post, curves outward, and ends freely over the front leg.
     """
-    rest = _curve(
+    rest = _make_curve(
         (side * 0.214, 1.085, -0.01),
         (side * 0.225, 1.115, 0.12),
         (side * 0.285, 1.115, 0.28),
         (side * 0.272, 1.085, 0.45),
         count=14,
     )
-    half = _taper(rest, (0.032, 0.026), (0.046, 0.024))
-    brace = _curve((side * 0.215, 0.965, 0.0), (side * 0.218, 0.99, 0.10), (side * 0.245, 1.09, 0.17))
+    half = _make_taper(rest, (0.032, 0.026), (0.046, 0.024))
+    brace = _make_curve((side * 0.215, 0.965, 0.0), (side * 0.218, 0.99, 0.10), (side * 0.245, 1.09, 0.17))
     right = (1.0, 0.0, 0.0)
     return [
         _Board(rest, half, right, 0.018, _STAINED_COLOUR),
-        _Board(brace, _taper(brace, (0.020, 0.022), (0.020, 0.020)), right, 0.013, _OAK_COLOUR),
+        _Board(brace, _make_taper(brace, (0.020, 0.022), (0.020, 0.020)), right, 0.013, _OAK_COLOUR),
     ]
 
 
-def _seat() -> list[_Board]:
+def _make_seat() -> list[_Board]:
     """Returns the rails around the seat, and the cushion on them."""
     right, forward = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
     boards = []
     for z, thick in ((0.0, 0.026), (0.485, 0.026)):
-        rail = _curve((-0.22, 0.775, z), (0.0, 0.775, z), (0.22, 0.775, z), count=4)
-        boards.append(_Board(rail, _taper(rail, (thick, 0.042), (thick, 0.042)), forward, 0.012, _OAK_COLOUR))
+        rail = _make_curve((-0.22, 0.775, z), (0.0, 0.775, z), (0.22, 0.775, z), count=4)
+        boards.append(
+            _Board(rail, _make_taper(rail, (thick, 0.042), (thick, 0.042)), forward, 0.012, _OAK_COLOUR)
+        )
     for side in (-1.0, 1.0):
-        rail = _curve((side * 0.218, 0.775, 0.0), (side * 0.226, 0.775, 0.25), (side * 0.228, 0.775, 0.485))
-        boards.append(_Board(rail, _taper(rail, (0.026, 0.042), (0.026, 0.042)), right, 0.012, _OAK_COLOUR))
-    cushion = _curve((0.0, 0.842, 0.062), (0.0, 0.858, 0.25), (0.0, 0.842, 0.505), count=6)
+        rail = _make_curve(
+            (side * 0.218, 0.775, 0.0), (side * 0.226, 0.775, 0.25), (side * 0.228, 0.775, 0.485)
+        )
+        boards.append(
+            _Board(rail, _make_taper(rail, (0.026, 0.042), (0.026, 0.042)), right, 0.012, _OAK_COLOUR)
+        )
+    cushion = _make_curve((0.0, 0.842, 0.062), (0.0, 0.858, 0.25), (0.0, 0.842, 0.505), count=6)
     boards.append(
-        _Board(cushion, _taper(cushion, (0.222, 0.046), (0.247, 0.044)), right, 0.040, _FABRIC_COLOUR)
+        _Board(cushion, _make_taper(cushion, (0.222, 0.046), (0.247, 0.044)), right, 0.040, _FABRIC_COLOUR)
     )
     return boards
 
 
-def _back() -> list[_Board]:
+def _make_back() -> list[_Board]:
     """Returns the crest rail, the lower rail, and three slats between them.
 
     The middle slat contains the performer's spine.
     """
     forward, right = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
-    crest = _curve((-0.225, 1.655, -0.078), (0.0, 1.755, -0.125), (0.225, 1.655, -0.078), count=16)
+    crest = _make_curve((-0.225, 1.655, -0.078), (0.0, 1.755, -0.125), (0.225, 1.655, -0.078), count=16)
     bulge = np.sin(np.linspace(0, np.pi, 16))[:, None]
-    half = _taper(crest, (0.024, 0.042), (0.024, 0.042)) + bulge * [0, 0.022]
+    half = _make_taper(crest, (0.024, 0.042), (0.024, 0.042)) + bulge * [0, 0.022]
     boards = [_Board(crest, half, forward, 0.016, _STAINED_COLOUR)]
-    lower = _curve((-0.215, 0.96, 0.0), (0.0, 0.96, -0.022), (0.215, 0.96, 0.0), count=8)
-    boards.append(_Board(lower, _taper(lower, (0.020, 0.032), (0.020, 0.032)), forward, 0.012, _OAK_COLOUR))
+    lower = _make_curve((-0.215, 0.96, 0.0), (0.0, 0.96, -0.022), (0.215, 0.96, 0.0), count=8)
+    boards.append(
+        _Board(lower, _make_taper(lower, (0.020, 0.032), (0.020, 0.032)), forward, 0.012, _OAK_COLOUR)
+    )
     for x, half in ((-0.118, 0.027), (0.0, 0.050), (0.118, 0.027)):
         bow = -0.02 * (1 - (x / 0.215) ** 2)
-        slat = _curve((x, 0.95, bow / 2), (x * 1.02, 1.3, bow - 0.012), (x * 1.03, 1.67, -0.085 + bow))
-        boards.append(_Board(slat, _taper(slat, (half, 0.017), (half, 0.017)), right, 0.010, _OAK_COLOUR))
+        slat = _make_curve((x, 0.95, bow / 2), (x * 1.02, 1.3, bow - 0.012), (x * 1.03, 1.67, -0.085 + bow))
+        boards.append(
+            _Board(slat, _make_taper(slat, (half, 0.017), (half, 0.017)), right, 0.010, _OAK_COLOUR)
+        )
     return boards
 
 
@@ -289,7 +301,7 @@ def _nearer(x, y, z, pieces, s, bound):
     return min(bound, outside + min(max(qu, qv), 0.0) - r)
 
 
-def _vertex_colours(vertices: Float, nearest: Int, boards: list[_Board]) -> UInt8:
+def _compute_vertex_colours(vertices: Float, nearest: Int, boards: list[_Board]) -> UInt8:
     """Returns (V, 3) the colours of the boards, with a faint grain along the wood."""
     colours = np.array([board.colour for board in boards], np.float64)[nearest]
     wood = np.array([board.colour != _FABRIC_COLOUR for board in boards])[nearest]

@@ -40,17 +40,17 @@ def surface_of(field: Field, low: Float, high: Float, cell: float) -> tuple[Floa
     shape = grid.shape[:3]
     values = field(grid.reshape(-1, 3)).reshape(shape)
     inside = values < 0
-    cells = np.argwhere(_crossed_cells(inside))
+    cells = np.argwhere(_find_crossed_cells(inside))
     number = np.full(tuple(s - 1 for s in shape), -1, np.int64)
     number[tuple(cells.T)] = np.arange(len(cells))
-    vertices = low + cell * _cell_points(values, cells)
+    vertices = low + cell * _compute_cell_points(values, cells)
     for _ in range(3):
         vertices = _project_to_surface(field, vertices, cell)
-    quads = np.concatenate([_quads(inside, number, axis) for axis in range(3)])
-    return vertices, _triangles(vertices, quads)
+    quads = np.concatenate([_make_quads(inside, number, axis) for axis in range(3)])
+    return vertices, _make_triangles(vertices, quads)
 
 
-def _crossed_cells(inside: Bool) -> Bool:
+def _find_crossed_cells(inside: Bool) -> Bool:
     """Returns True for each cell with corners on both sides of the surface."""
     views = [
         inside[i : inside.shape[0] - 1 + i, j : inside.shape[1] - 1 + j, k : inside.shape[2] - 1 + k]
@@ -60,7 +60,7 @@ def _crossed_cells(inside: Bool) -> Bool:
     return np.asarray(stacked.any(0) & ~stacked.all(0))
 
 
-def _cell_points(values: Float, cells: Int) -> Float:
+def _compute_cell_points(values: Float, cells: Int) -> Float:
     """Returns (C, 3) in grid units the mean crossing of each cell.
 
     It is the mean of the points at which the surface crosses the twelve edges of the cell.
@@ -84,11 +84,11 @@ def _project_to_surface(field: Field, points: Float, cell: float) -> Float:
     values = field(points)
     off = np.abs(values) > _SURFACE_TOLERANCE * cell
     moved = points.copy()
-    moved[off] = _newton_step(field, points[off], values[off], cell)
+    moved[off] = _do_newton_step(field, points[off], values[off], cell)
     return moved
 
 
-def _newton_step(field: Field, points: Float, values: Float, cell: float) -> Float:
+def _do_newton_step(field: Field, points: Float, values: Float, cell: float) -> Float:
     """Returns (N, 3) points with these ``values``, moved by one Newton step."""
     h = 1e-4 * cell
     offsets = h * np.concatenate([np.eye(3), -np.eye(3)])
@@ -99,7 +99,7 @@ def _newton_step(field: Field, points: Float, values: Float, cell: float) -> Flo
     return np.asarray(points - step * np.minimum(1.0, 0.5 * cell / np.maximum(length, 1e-12)))
 
 
-def _quads(inside: Bool, number: Int, axis: int) -> Int:
+def _make_quads(inside: Bool, number: Int, axis: int) -> Int:
     """Returns (Q, 4) the vertices around each grid edge along ``axis`` that the surface crosses.
 
     The quads face outward.
@@ -121,7 +121,7 @@ def _quads(inside: Bool, number: Int, axis: int) -> Int:
     return quads
 
 
-def _triangles(vertices: Float, quads: Int) -> Int32:
+def _make_triangles(vertices: Float, quads: Int) -> Int32:
     """Returns (F, 3) triangles: each quad is split along its shorter diagonal."""
     corners = vertices[quads]
     first = np.linalg.norm(corners[:, 0] - corners[:, 2], axis=1)

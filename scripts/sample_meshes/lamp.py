@@ -60,11 +60,11 @@ def make_lamp(cell: float = 0.016) -> Mesh:
         cell: approximate length of the longest edge in metres.
     """
     shells = [
-        _base(cell),
-        *_arm(_FOOT, _ELBOW, cell),
-        *_arm(_ELBOW, _HEAD, cell),
-        *_joints(cell),
-        *_top(cell),
+        _make_base(cell),
+        *_make_arm(_FOOT, _ELBOW, cell),
+        *_make_arm(_ELBOW, _HEAD, cell),
+        *_make_joints(cell),
+        *_make_shade(cell),
     ]
     starts = np.cumsum([0, *(len(shell.vertices) for shell in shells)])
     vertices = np.concatenate([shell.vertices for shell in shells])
@@ -74,7 +74,7 @@ def make_lamp(cell: float = 0.016) -> Mesh:
     return Mesh(vertices, faces.astype(np.int32), "lamp", colours)
 
 
-def _base(cell: float) -> _Shell:
+def _make_base(cell: float) -> _Shell:
     """Returns the base: a heavy foot that continues upward as a post."""
     profile = [(0.0, 0.0), (0.228, 0.0), (0.242, 0.010), (0.244, 0.024), (0.226, 0.036), (0.150, 0.052)]
     profile += [
@@ -90,27 +90,27 @@ def _base(cell: float) -> _Shell:
     return _paint(_revolve(np.array(profile), at, np.array([0.0, 1.0, 0.0]), cell), _ENAMEL_COLOUR)
 
 
-def _arm(start: Float, end: Float, cell: float) -> list[_Shell]:
+def _make_arm(start: Float, end: Float, cell: float) -> list[_Shell]:
     """Returns an arm: two parallel bars, two springs, and a pin.
 
     The springs are on both sides near the arm's lower end, and the pin holds both.
     """
     along = (end - start) / np.linalg.norm(end - start)
     apart = np.cross(_PIN_AXIS, along)
-    bars = [_bar(start + s * 0.030 * apart, end + s * 0.030 * apart, cell) for s in (-1.0, 1.0)]
+    bars = [_make_bar(start + s * 0.030 * apart, end + s * 0.030 * apart, cell) for s in (-1.0, 1.0)]
     hook = start + (_SPRING_END * (end - start)) + 0.030 * apart
     pin = [(0.0, -0.050), (0.008, -0.048), (0.008, 0.048), (0.0, 0.050)]
     held = _paint(_revolve(np.array(pin), hook, _PIN_AXIS, cell), _PIN_COLOUR)
-    springs = (_spring(start, hook, s * 0.042 * _PIN_AXIS) for s in (-1.0, 1.0))
+    springs = (_make_spring(start, hook, s * 0.042 * _PIN_AXIS) for s in (-1.0, 1.0))
     return [*bars, held, *springs]
 
 
-def _bar(start: Float, end: Float, cell: float) -> _Shell:
+def _make_bar(start: Float, end: Float, cell: float) -> _Shell:
     """Returns a round bar."""
-    return _paint(_tube(start, end, np.array([[0.0, 0.013], [1.0, 0.013]]), cell), _ENAMEL_COLOUR)
+    return _paint(_make_tube(start, end, np.array([[0.0, 0.013], [1.0, 0.013]]), cell), _ENAMEL_COLOUR)
 
 
-def _spring(start: Float, end: Float, beside: Float) -> _Shell:
+def _make_spring(start: Float, end: Float, beside: Float) -> _Shell:
     """Returns a tension spring with touching coils between two hooks. It is a tube with a helical groove."""
     length = float(np.linalg.norm(end - start))
     pitch, around, coil = 0.016, 14, 0.020
@@ -120,10 +120,10 @@ def _spring(start: Float, end: Float, beside: Float) -> _Shell:
     inside = np.clip(np.minimum(t - 0.14, 0.86 - t) / 0.02, 0.0, 1.0)
     wound = coil - 0.0045 + 0.0045 * np.abs(np.cos(np.pi * t * length / pitch + 0.5 * angle)) ** 0.7
     radius = 0.005 + inside * (wound - 0.005)
-    return _paint(_rings(start + beside, end + beside, t[:, 0], radius), _SPRING_COLOUR)
+    return _paint(_make_rings(start + beside, end + beside, t[:, 0], radius), _SPRING_COLOUR)
 
 
-def _joints(cell: float) -> list[_Shell]:
+def _make_joints(cell: float) -> list[_Shell]:
     """Returns the pins about which the arms turn, and the plates next to the bars at the elbow."""
     pin = [(0.0, -0.036), (0.030, -0.036), (0.036, -0.030), (0.036, 0.030), (0.030, 0.036), (0.0, 0.036)]
     plate = [(0.0, -0.006), (0.058, -0.006), (0.062, 0.0), (0.058, 0.006), (0.0, 0.006)]
@@ -137,14 +137,14 @@ def _joints(cell: float) -> list[_Shell]:
     return shells
 
 
-def _top(cell: float) -> list[_Shell]:
+def _make_shade(cell: float) -> list[_Shell]:
     """Returns the shade with its socket, open at the front, and the bulb in it."""
     outer = [(0.0, -0.052), (0.040, -0.052), (0.050, -0.042), (0.052, 0.060), (0.066, 0.086), (0.110, 0.130)]
     outer += [(0.150, 0.190), (0.172, 0.262), (0.178, 0.300)]
     inner = [(0.172, 0.300), (0.165, 0.262), (0.143, 0.194), (0.104, 0.138), (0.060, 0.096), (0.030, 0.090)]
     outer, inner = _round_profile(outer), [*_round_profile(inner), (0.0, 0.090)]
     shade = _revolve(np.array(outer + inner), _HEAD, _SHADE_DIRECTION, cell)
-    inside = _inner_side(shade[0], np.array(inner))
+    inside = _make_inner_side(shade[0], np.array(inner))
     painted = np.where(inside[:, None], _SHADE_INSIDE_COLOUR, _ENAMEL_COLOUR).astype(np.float64)
     bulb = [(0.0, 0.070), (0.020, 0.074), (0.024, 0.110), (0.044, 0.150), (0.052, 0.180), (0.044, 0.210)]
     bulb += [(0.024, 0.228), (0.0, 0.232)]
@@ -161,7 +161,7 @@ def _round_profile(profile: list[tuple[float, float]]) -> list[tuple[float, floa
     return [(float(r), float(h)) for r, h in points]
 
 
-def _inner_side(vertices: Float, inner: Float) -> Bool:
+def _make_inner_side(vertices: Float, inner: Float) -> Bool:
     """Returns (V,) flags: True for each point of the shade that is on its inner side."""
     along = (vertices - _HEAD) @ _SHADE_DIRECTION
     radius = np.linalg.norm(vertices - _HEAD - along[:, None] * _SHADE_DIRECTION, axis=1)
@@ -194,7 +194,7 @@ def _revolve(profile: Float, at: Float, axis: Float, cell: float) -> tuple[Float
     return _wrap_rings(at, axis, curve[:, 1], radius, float(profile[0, 1]), float(profile[-1, 1]))
 
 
-def _tube(start: Float, end: Float, radii: Float, cell: float) -> tuple[Float, Int32]:
+def _make_tube(start: Float, end: Float, radii: Float, cell: float) -> tuple[Float, Int32]:
     """Returns a round bar from ``start`` to ``end``.
 
     ``radii`` (R, 2) contains fractions of the length and the radii at these fractions.
@@ -202,10 +202,10 @@ def _tube(start: Float, end: Float, radii: Float, cell: float) -> tuple[Float, I
     length = float(np.linalg.norm(end - start))
     t = np.linspace(0.0, 1.0, max(2, int(np.ceil(length / cell)) + 1))
     radius = np.broadcast_to(np.interp(t, *radii.T)[:, None], (len(t), 10))
-    return _rings(start, end, t, radius)
+    return _make_rings(start, end, t, radius)
 
 
-def _rings(start: Float, end: Float, t: Float, radius: Float) -> tuple[Float, Int32]:
+def _make_rings(start: Float, end: Float, t: Float, radius: Float) -> tuple[Float, Int32]:
     """Returns a tube of rings.
 
     The rings are at the fractions ``t`` (R,) of the length, with ``radius`` (R, K) at K angles.

@@ -55,7 +55,7 @@ class Intrinsics:
                 remedy="Calibrate the sensor again.",
             )
 
-    def scaled(self, factor: float) -> Intrinsics:
+    def scale(self, factor: float) -> Intrinsics:
         """Returns the same camera with an image ``factor`` times as large (0.5 halves both sides)."""
         return Intrinsics(
             round(self.width * factor),

@@ -113,8 +113,8 @@ def _report_os_error(error: OSError) -> int:
     """
     if os.environ.get("ENLIVEN_DEBUG") or not is_file_fault(error):
         return _report_other_error(error)
-    where = error.filename if isinstance(error.filename, str) else "a file"
-    fault = file_fault(error, where, "used")
+    location = error.filename if isinstance(error.filename, str) else "a file"
+    fault = file_fault(error, location, "used")
     _print_error(str(fault))
     return fault.exit_code
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from importlib.metadata import entry_points
 
 from enliven.errors import ResourceError
-from enliven.kernel_cache.store import shipped_folders, user_folder
+from enliven.kernel_cache.store import find_shipped_folders, user_folder
 
 DEFAULT_PORTS = (5580, 5581)
 """Default TCP ports of the streams and of the requests. They equal those in :mod:`enliven.wire.sockets`,
@@ -93,7 +93,7 @@ def _check_compiler_cache() -> Check:
 
 def _describe_shipped_kernels() -> str:
     """Returns a phrase with the number of compiled kernels that the installed release contains."""
-    count = sum(len(list(folder.glob("*.kernel"))) for folder in shipped_folders())
+    count = sum(len(list(folder.glob("*.kernel"))) for folder in find_shipped_folders())
     return (
         f"the release contains {count} compiled kernels"
         if count

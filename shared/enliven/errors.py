@@ -68,7 +68,7 @@ def refuse_later_version(version: int, newest: int, where: str, made_by: str = "
     )
 
 
-def plain_reason(error: BaseException, otherwise: str = "its contents contradict each other") -> str:
+def find_plain_reason(error: BaseException, otherwise: str = "its contents contradict each other") -> str:
     """Returns the reason of a failure in words for users.
 
     The result contains only sentences of enliven and of the operating system, and no names of Python

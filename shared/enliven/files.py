@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Literal
 from urllib.parse import unquote, unquote_to_bytes
 
-from enliven.errors import EnlivenError, InputError, ResourceError, plain_reason
+from enliven.errors import EnlivenError, InputError, ResourceError, find_plain_reason
 
 if sys.platform != "win32":
     import fcntl
@@ -256,8 +256,8 @@ def user_data_folder() -> Path:
 
 def config_folder() -> Path:
     """Returns the user's folder for configuration files, such as keys."""
-    given = os.environ.get("XDG_CONFIG_HOME") or os.environ.get("APPDATA")
-    return (Path(given) if given else Path.home() / ".config") / "enliven"
+    folder_name = os.environ.get("XDG_CONFIG_HOME") or os.environ.get("APPDATA")
+    return (Path(folder_name) if folder_name else Path.home() / ".config") / "enliven"
 
 
 def open_file(path: Path) -> BinaryIO:
@@ -455,13 +455,13 @@ def replace_file(path: Path, remedy: str = "", *, durable: bool = True) -> Itera
     try:
         with explain_write_errors(path, remedy):
             target = Path(os.path.realpath(path)) if path.is_symlink() else path
-            before = _stat_regular(target)
+            old_stat = _stat_regular(target)
             _remove_leftovers(target)
             require_folder(target)
-            part = _create_part(target, 0o666 if before is None else 0o600)
+            part = _create_part(target, 0o666 if old_stat is None else 0o600)
         yield part
         with explain_write_errors(path, remedy):
-            _replace_target(part, target, before, durable)
+            _replace_target(part, target, old_stat, durable)
     except BaseException:
         if part is not None:
             with contextlib.suppress(OSError):
@@ -732,7 +732,7 @@ class ReferencedFiles:
         except (OSError, ValueError, RuntimeError) as error:
             # Symbolic links form a loop, or the name is invalid.
             raise self._reference_error(
-                name, f"cannot be read ({plain_reason(error, INVALID_NAME_REASON)})", _SAME_FOLDER_ADVICE
+                name, f"cannot be read ({find_plain_reason(error, INVALID_NAME_REASON)})", _SAME_FOLDER_ADVICE
             ) from None
         self._left -= len(data)
         return data

@@ -187,11 +187,11 @@ class RepeatLimit(logging.Filter):
         message, now = record.getMessage(), self._clock()
         key = record.name, record.levelno, message
         with self._lock:
-            since, count = self._seen.pop(key, (now, 0))
-            omitted = count - MAX_REPEATS if now - since >= REPEAT_WINDOW_S else 0
-            if now - since >= REPEAT_WINDOW_S:
-                since, count = now, 0
-            self._seen[key] = since, count + 1
+            start_s, count = self._seen.pop(key, (now, 0))
+            omitted = count - MAX_REPEATS if now - start_s >= REPEAT_WINDOW_S else 0
+            if now - start_s >= REPEAT_WINDOW_S:
+                start_s, count = now, 0
+            self._seen[key] = start_s, count + 1
             while len(self._seen) > _MAX_REMEMBERED_WARNINGS:
                 self._seen.popitem(last=False)
         if omitted > 0:

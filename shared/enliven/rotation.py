@@ -295,11 +295,11 @@ def hencky_strain(linear: AnyArray, turns: AnyArray) -> Float:
 
 def stretch_from_strain(strain: AnyArray) -> Float:
     """Returns the symmetric stretch U = exp(strain) of Hencky strains (..., 6) as matrices (..., 3, 3)."""
-    sizes, axes = np.linalg.eigh(symmetric_matrix(strain))
+    sizes, axes = np.linalg.eigh(make_symmetric_matrix(strain))
     return _matrix_from_eigen(np.exp(sizes), axes)
 
 
-def symmetric_matrix(six: AnyArray) -> Float:
+def make_symmetric_matrix(six: AnyArray) -> Float:
     """Converts numbers (..., 6) xx, yy, zz, xy, xz, yz to symmetric matrices (..., 3, 3)."""
     return np.asarray(six, np.float64)[..., _SYMMETRIC_INDICES]
 
@@ -307,7 +307,7 @@ def symmetric_matrix(six: AnyArray) -> Float:
 def rotate_strain(q: AnyArray, strain: AnyArray) -> Float:
     """Rotates strains (..., 6) by ``q`` (..., 4): R strain Rᵀ. Returns (..., 6)."""
     rotation = to_matrix(q)
-    rotated = rotation @ symmetric_matrix(strain) @ np.swapaxes(rotation, -1, -2)
+    rotated = rotation @ make_symmetric_matrix(strain) @ np.swapaxes(rotation, -1, -2)
     return np.asarray(rotated[..., _ROWS, _COLUMNS])
 
 

@@ -115,7 +115,7 @@ def load_settings(
         source = read_toml(source)
     where = where or "settings"
     removed: list[str] = []
-    values = _without_removed(kind, source, own_file, removed)
+    values = _remove_old_settings(kind, source, own_file, removed)
     if removed and not own_file:
         log.warning(
             "%s: these settings no longer exist and are ignored: %s. Delete them from the file.",
@@ -145,7 +145,7 @@ def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
         tables = tomllib.loads(data.decode("utf-8"))
         level: list[Any] = [tables]
         for _ in range(MAX_NESTING):
-            level = [inner for container in level for inner in _nested_containers(container)]
+            level = [inner for container in level for inner in _list_nested_containers(container)]
         if level:
             raise ValueError(_TOO_DEEP_REASON)
     except RecursionError:
@@ -176,13 +176,13 @@ def refuse_later_toml(path: Path) -> None:
         return
 
 
-def _nested_containers(value: Any) -> list[Any]:
+def _list_nested_containers(value: Any) -> list[Any]:
     """Returns the tables and arrays directly inside a table or an array."""
     inner = value.values() if isinstance(value, dict) else value
     return [item for item in inner if isinstance(item, (dict, list))]
 
 
-def _without_removed(
+def _remove_old_settings(
     kind: type, values: Mapping[str, Any], own_file: bool, removed: list[str], prefix: str = ""
 ) -> dict[str, Any]:
     """Returns the values without keys that no longer exist or that users cannot change, also in nested
@@ -195,16 +195,16 @@ def _without_removed(
     """
     hints, names = typing.get_type_hints(kind), set(getattr(kind, "REMOVED_SETTINGS", ()))
     fields = {field.name: field for field in dataclasses.fields(kind)}
-    kept: dict[str, Any] = {}
+    kept_settings: dict[str, Any] = {}
     for key, value in values.items():
         is_hidden = key in fields and fields[key].metadata.get("hidden", False)
         if key in names or (is_hidden and not own_file):
             removed.append(prefix + key)
         elif key in fields and dataclasses.is_dataclass(hints[key]) and isinstance(value, Mapping):
-            kept[key] = _without_removed(hints[key], value, own_file, removed, f"{prefix}{key}.")
+            kept_settings[key] = _remove_old_settings(hints[key], value, own_file, removed, f"{prefix}{key}.")
         else:
-            kept[key] = value
-    return kept
+            kept_settings[key] = value
+    return kept_settings
 
 
 def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) -> T:

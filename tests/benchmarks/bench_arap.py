@@ -46,20 +46,20 @@ PEER = "libigl ARAP (the same spokes)"
 def figures() -> Iterator[Figure]:
     """Yields a frame at four sizes, an iteration, a change of handles, and the change of volume."""
     for size in MESHES:
-        mesh = mesh_of(size)
-        held, path = far_apart(mesh), targets_of(mesh)
-        ours, theirs = _frames(mesh, held, path)
+        mesh = make_mesh(size)
+        held, path = sample_farthest_points(mesh), make_targets(mesh)
+        ours, theirs = _time_frames(mesh, held, path)
         print(f"arap: {size} is {mesh.name!r} with {len(mesh.vertices)} vertices; libigl {theirs:.3f} ms")
         yield Figure(f"arap.frame_ms_{size}", ours, "ms", PEER, theirs / ours)
         if size == "10k":
-            yield from _parts(mesh, held, path)
+            yield from _measure_parts(mesh, held, path)
         if size in ("600", "5k", "10k"):
-            yield from _open3d(size, mesh, held, path, ours)
-    yield from _puppets()
-    yield from _volumes()
+            yield from _measure_open3d(size, mesh, held, path, ours)
+    yield from _measure_puppets()
+    yield from _measure_volumes()
 
 
-def mesh_of(size: str) -> Mesh:
+def make_mesh(size: str) -> Mesh:
     """Returns the real mesh of about that size, scaled to one metre, or a generated mesh if it is missing."""
     name, count = MESHES[size]
     if not (DATA / name).exists():
@@ -72,7 +72,7 @@ def mesh_of(size: str) -> Mesh:
     return Mesh(mesh.vertices / np.ptp(mesh.vertices, axis=0).max(), mesh.faces, Path(name).stem)
 
 
-def far_apart(mesh: Mesh) -> Int:
+def sample_farthest_points(mesh: Mesh) -> Int:
     """Returns (10,) vertices by farthest-point sampling."""
     chosen, apart = [0], np.full(len(mesh.vertices), np.inf)
     for _ in range(_HANDLES - 1):
@@ -81,46 +81,46 @@ def far_apart(mesh: Mesh) -> Int:
     return np.array(chosen)
 
 
-def targets_of(mesh: Mesh) -> list[Float]:
+def make_targets(mesh: Mesh) -> list[Float]:
     """Returns (10, 3) targets for each frame: five handles swing by a tenth of the mesh's size."""
-    home, out = mesh.vertices[far_apart(mesh)], []
+    home, out = mesh.vertices[sample_farthest_points(mesh)], []
     for frame in range(_FRAMES):
         swing = 0.1 * np.sin(0.2 * frame + np.arange(_HANDLES))[:, None] * [1.0, 0.5, 0.2]
         out.append(home + np.where(np.arange(_HANDLES)[:, None] % 2 == 0, swing, 0.0))
     return out
 
 
-def solver_of(mesh: Mesh, held: Int, settings: ArapSettings | None = None) -> ArapSolver:
+def make_solver(mesh: Mesh, held: Int, settings: ArapSettings | None = None) -> ArapSolver:
     """Returns our solver with a hard handle at each vertex, named by its number in ``held``."""
     solver = ArapSolver(mesh, settings)
     solver.set_handles([Handle(str(k), (int(v),)) for k, v in enumerate(held)])
     return solver
 
 
-def _frames(mesh: Mesh, held: Int, path: list[Float]) -> tuple[float, float]:
+def _time_frames(mesh: Mesh, held: Int, path: list[Float]) -> tuple[float, float]:
     """Returns the median milliseconds per frame, ours and libigl's."""
-    solver, data = solver_of(mesh, held), igl.ARAPData()
+    solver, data = make_solver(mesh, held), igl.ARAPData()
     data.energy, data.max_iter = igl.ARAP_ENERGY_TYPE_SPOKES, 3
     igl.arap_precomputation(mesh.vertices, mesh.faces.astype(np.int64), 3, held.astype(np.int32), data)
     ours, theirs = [], []
     for _ in range(_REPEATS):
         solver.reset()
-        ours.append(_each(lambda at: solver.solve(_named(at)), path))
+        ours.append(_time_each(lambda at: solver.solve(_name_targets(at)), path))
         state = [mesh.vertices]
 
         def peer(at: Float, state: list[Float] = state) -> None:
             state[0] = igl.arap_solve(at, data, state[0])
 
-        theirs.append(_each(peer, path))
+        theirs.append(_time_each(peer, path))
     return float(np.median(np.min(ours, 0))), float(np.median(np.min(theirs, 0)))
 
 
-def _named(at: Float) -> dict[str, Float]:
+def _name_targets(at: Float) -> dict[str, Float]:
     """Returns the moving handles' targets by name."""
     return {str(k): at[k] for k in range(0, _HANDLES, 2)}
 
 
-def _each(step: Callable[[Float], object], path: list[Float]) -> list[float]:
+def _time_each(step: Callable[[Float], object], path: list[Float]) -> list[float]:
     """Returns the milliseconds of each frame."""
     out = []
     for at in path:
@@ -130,15 +130,15 @@ def _each(step: Callable[[Float], object], path: list[Float]) -> list[float]:
     return out
 
 
-def _parts(mesh: Mesh, held: Int, path: list[Float]) -> Iterator[Figure]:
+def _measure_parts(mesh: Mesh, held: Int, path: list[Float]) -> Iterator[Figure]:
     """Yields one iteration (from plain frames of 13 and of 3), and adding and removing a handle."""
     least = []
     for iterations in (3, 13):
-        solver = solver_of(mesh, held, ArapSettings(iterations=iterations, squash_and_stretch=False))
-        runs = [_each(lambda at, s=solver: s.solve(_named(at)), path) for _ in range(_REPEATS)]
+        solver = make_solver(mesh, held, ArapSettings(iterations=iterations, squash_and_stretch=False))
+        runs = [_time_each(lambda at, s=solver: s.solve(_name_targets(at)), path) for _ in range(_REPEATS)]
         least.append(float(np.median(np.min(runs, 0))))
     yield Figure("arap.iteration_ms_10k", (least[1] - least[0]) / 10, "ms")
-    solver, times = solver_of(mesh, held), []
+    solver, times = make_solver(mesh, held), []
     fresh = np.setdiff1d(np.arange(0, len(mesh.vertices), 331), held)[:30]
     handles = list(solver.handles.values())
     for vertex in fresh:
@@ -156,7 +156,7 @@ def _parts(mesh: Mesh, held: Int, path: list[Float]) -> Iterator[Figure]:
     yield Figure("arap.handle_change_ms_10k", ours, "ms", "libigl's precomputation", min(again) / ours)
 
 
-def _open3d(size: str, mesh: Mesh, held: Int, path: list[Float], ours: float) -> Iterator[Figure]:
+def _measure_open3d(size: str, mesh: Mesh, held: Int, path: list[Float], ours: float) -> Iterator[Figure]:
     """Yields Open3D's time per frame, if it is installed."""
     try:
         import open3d as o3d
@@ -166,7 +166,7 @@ def _open3d(size: str, mesh: Mesh, held: Int, path: list[Float], ours: float) ->
     shell = o3d.geometry.TriangleMesh(
         o3d.utility.Vector3dVector(mesh.vertices), o3d.utility.Vector3iVector(mesh.faces)
     )
-    times = _each(
+    times = _time_each(
         lambda at: shell.deform_as_rigid_as_possible(
             o3d.utility.IntVector(held.tolist()), o3d.utility.Vector3dVector(at), max_iter=3
         ),
@@ -176,30 +176,30 @@ def _open3d(size: str, mesh: Mesh, held: Int, path: list[Float], ours: float) ->
     yield Figure(f"arap.open3d_frame_ms_{size}", min(times), "ms", "ours", ours / min(times))
 
 
-def _puppets() -> Iterator[Figure]:
+def _measure_puppets() -> Iterator[Figure]:
     """Yields a frame, the preparation, a converged pose and one additional control point, for large
     surfaces."""
     for size, count in LARGE.items():
         mesh = bean(count)
-        held, path = far_apart(mesh), targets_of(mesh)
+        held, path = sample_farthest_points(mesh), make_targets(mesh)
         start = time.perf_counter()
         surface = PuppetSurface(mesh, held)
         prepared = time.perf_counter() - start
-        runs = [_each(surface.solve, path) for _ in range(3)]
+        runs = [_time_each(surface.solve, path) for _ in range(3)]
         ours = float(np.median(np.min(runs, 0)))
         peer: tuple[str | None, float | None] = (None, None)
         if size == "100k":
-            theirs = _igl_frames(mesh, held, path[:4])
+            theirs = _time_igl_frames(mesh, held, path[:4])
             peer = (PEER, theirs / ours)
         yield Figure(f"arap.frame_ms_{size}", ours, "ms", *peer)
         yield Figure(f"arap.prepare_s_{size}", prepared, "s")
-        yield Figure(f"arap.settle_ms_{size}", min(_each(surface.solve_from_rest, path[:4])), "ms")
+        yield Figure(f"arap.settle_ms_{size}", min(_time_each(surface.solve_from_rest, path[:4])), "ms")
         start = time.perf_counter()
         surface.set_control_points([*held.tolist(), 4321])
         yield Figure(f"arap.hold_s_{size}", time.perf_counter() - start, "s")
 
 
-def _igl_frames(mesh: Mesh, held: Int, path: list[Float]) -> float:
+def _time_igl_frames(mesh: Mesh, held: Int, path: list[Float]) -> float:
     """Returns libigl's shortest time per frame, milliseconds."""
     data = igl.ARAPData()
     data.energy, data.max_iter = igl.ARAP_ENERGY_TYPE_SPOKES, 3
@@ -209,10 +209,10 @@ def _igl_frames(mesh: Mesh, held: Int, path: list[Float]) -> float:
     def step(at: Float) -> None:
         state[0] = igl.arap_solve(at, data, state[0])
 
-    return min(_each(step, path))
+    return min(_time_each(step, path))
 
 
-def _volumes() -> Iterator[Figure]:
+def _measure_volumes() -> Iterator[Figure]:
     """Yields the change of volume of a ball and a bean, compressed to 64 % and stretched to 136 % of their
     height."""
     for shape, tall in (("ball", 1.0), ("bean", 1.7)):
@@ -234,7 +234,7 @@ def _volumes() -> Iterator[Figure]:
                             for k, (end, side) in enumerate(zip(ends, (1, -1), strict=True))
                         }
                     )
-                drift[kind] = abs(_volume(mesh, solved) / _volume(mesh, mesh.vertices) - 1)
+                drift[kind] = abs(_compute_volume(mesh, solved) / _compute_volume(mesh, mesh.vertices) - 1)
             yield Figure(
                 f"arap.volume_drift_{way}_{shape}",
                 drift[True],
@@ -244,6 +244,6 @@ def _volumes() -> Iterator[Figure]:
             )
 
 
-def _volume(mesh: Mesh, vertices: Float) -> float:
+def _compute_volume(mesh: Mesh, vertices: Float) -> float:
     a, b, c = (vertices[mesh.faces[:, k]] for k in range(3))
     return float((a * np.cross(b, c)).sum() / 6)

@@ -34,25 +34,25 @@ _FREE = 1e-7
 
 def figures() -> Iterator[Figure]:
     """Yields the time of the whole bake, its error, and the time of one round."""
-    mesh = bean(VERTICES)
-    frames = acting(mesh, FRAMES)
+    mesh = make_bean(VERTICES)
+    frames = animate_bean(mesh, FRAMES)
     settings = BakeSettings(frames=FITTED)
     baked = bake_surface(mesh, lambda: frames, frames[:, ::97], [0], settings)
-    seconds = _least(lambda: bake_surface(mesh, lambda: frames, frames[:, ::97], [0], settings), 3)
+    seconds = _time_fastest(lambda: bake_surface(mesh, lambda: frames, frames[:, ::97], [0], settings), 3)
     yield Figure("examples.bake_s_10k", seconds, "s")
     yield Figure("examples.bake_rms_10k", 100 * baked.error.rms / baked.error.size, "% of the size")
     yield Figure("examples.bake_worst_10k", 100 * baked.error.worst / baked.error.size, "% of the size")
     yield Figure("examples.bake_nodes_10k", len(baked.pivots), "transforms")
-    yield _round(mesh, np.ascontiguousarray(frames[:: FRAMES // FITTED][:FITTED].transpose(1, 0, 2)))
+    yield _measure_round(mesh, np.ascontiguousarray(frames[:: FRAMES // FITTED][:FITTED].transpose(1, 0, 2)))
 
 
-def _round(mesh: Mesh, wanted: Float) -> Figure:
+def _measure_round(mesh: Mesh, wanted: Float) -> Figure:
     """Measures one round: weights of all vertices, then transforms of all frames. Both implementations have
     the same start.
     """
     net = EdgeGraph(mesh)
     seeds = Seeds(net, [0], NODES)
-    pivots, candidates = mesh.vertices[seeds.vertices], seeds.nearest(8)
+    pivots, candidates = mesh.vertices[seeds.vertices], seeds.find_nearest(8)
     indices = np.zeros((len(mesh.vertices), 4), np.int32)
     indices[:, 0] = candidates[:, 0]
     weights = np.zeros((len(mesh.vertices), 4))
@@ -66,20 +66,20 @@ def _round(mesh: Mesh, wanted: Float) -> Figure:
         flat = wanted.reshape(len(wanted), -1)
         fit_weights(mesh.vertices, flat, pivots, by_node, candidates, near, starts, 0.0, own, weight)
         maps = Maps(mesh.vertices, pivots, own, weight, _FREE).solve_maps(wanted)
-        return _off(mesh.vertices, pivots, own, weight, maps, wanted)
+        return _compute_error(mesh.vertices, pivots, own, weight, maps, wanted)
 
     fitted = ours()
-    took = _least(ours, 5)
+    took = _time_fastest(ours, 5)
     begun = time.perf_counter()
-    own, weight = plain_weights(mesh.vertices, pivots, start, candidates, wanted)
-    maps = plain_maps(mesh.vertices, pivots, own, weight, wanted)
+    own, weight = compute_plain_weights(mesh.vertices, pivots, start, candidates, wanted)
+    maps = compute_plain_maps(mesh.vertices, pivots, own, weight, wanted)
     theirs = time.perf_counter() - begun
-    off = _off(mesh.vertices, pivots, own, weight, maps, wanted)
+    off = _compute_error(mesh.vertices, pivots, own, weight, maps, wanted)
     np.testing.assert_allclose(fitted, off, rtol=0.2, err_msg="both rounds should come out alike")
     return Figure("examples.bake_round_s_10k", took, "s", "numpy and scipy", theirs / took)
 
 
-def plain_weights(
+def compute_plain_weights(
     rest: Float, pivots: Float, maps: Float, candidates: Int32, wanted: Float
 ) -> tuple[Int32, Float]:
     """Returns (V, 4) transforms and weights by non-negative least squares, one vertex at a time."""
@@ -97,7 +97,7 @@ def plain_weights(
     return indices, weights
 
 
-def plain_maps(rest: Float, pivots: Float, indices: Int32, weights: Float, wanted: Float) -> Float:
+def compute_plain_maps(rest: Float, pivots: Float, indices: Int32, weights: Float, wanted: Float) -> Float:
     """Returns (F, K, 4, 3) unconstrained affine transforms, by a sparse factorisation of the normal
     equations."""
     count, frames = len(pivots), wanted.shape[1]
@@ -111,7 +111,7 @@ def plain_maps(rest: Float, pivots: Float, indices: Int32, weights: Float, wante
     return np.ascontiguousarray(solution.reshape(count, 4, frames, 3).transpose(2, 0, 1, 3))
 
 
-def bean(count: int) -> Mesh:
+def make_bean(count: int) -> Mesh:
     """Returns a closed tube of about ``count`` vertices, one metre high."""
     around = round(np.sqrt(count / 3))
     rings = count // around
@@ -131,7 +131,7 @@ def bean(count: int) -> Mesh:
     return Mesh(vertices, np.concatenate(faces).astype(np.int32), "bean")
 
 
-def acting(mesh: Mesh, count: int) -> Float:
+def animate_bean(mesh: Mesh, count: int) -> Float:
     """Returns (F, V, 3) metres: the bean bends to all sides, twists, and is squashed and stretched."""
     y, t = mesh.vertices[:, 1], np.linspace(0, 4 * np.pi, count)[:, None]
     bend = [np.sin(t) * y, 0.7 * np.sin(0.7 * t + 1) * y**2, 1.2 * np.cos(1.3 * t) * y]
@@ -142,7 +142,9 @@ def acting(mesh: Mesh, count: int) -> Float:
     return np.asarray(rotate(turns, low * stretch[..., None] + across))
 
 
-def _off(rest: Float, pivots: Float, indices: Int, weights: Float, maps: Float, wanted: Float) -> float:
+def _compute_error(
+    rest: Float, pivots: Float, indices: Int, weights: Float, maps: Float, wanted: Float
+) -> float:
     """Returns the root mean square error, metres."""
     out, total = np.empty_like(rest), 0.0
     for frame in range(len(maps)):
@@ -151,7 +153,7 @@ def _off(rest: Float, pivots: Float, indices: Int, weights: Float, maps: Float, 
     return float(np.sqrt(total / len(maps)))
 
 
-def _least(job: Callable[[], object], repeats: int) -> float:
+def _time_fastest(job: Callable[[], object], repeats: int) -> float:
     """Returns the seconds of the fastest of ``repeats`` runs."""
     job()
     times = []

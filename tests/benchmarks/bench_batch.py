@@ -42,8 +42,8 @@ def figures() -> Iterator[Figure]:
         print(f"not measured: {MOTIONS} or {CHARACTERS} of ENLIVEN_DATA is missing")
         return
     with tempfile.TemporaryDirectory() as folder:
-        jobs = _jobs(motions, characters, Path(folder) / "two")
-        one_s, overhead_s = _run_on_one(_jobs(motions, characters, Path(folder) / "one"))
+        jobs = _make_jobs(motions, characters, Path(folder) / "two")
+        one_s, overhead_s = _run_on_one(_make_jobs(motions, characters, Path(folder) / "one"))
         two_s = _run_on_two(jobs)
     yield Figure("batch.pairs_per_minute", len(jobs) / two_s * 60.0, "pairs/min")
     yield Figure("batch.efficiency", one_s / (2.0 * two_s), "ratio")
@@ -81,7 +81,7 @@ def _time_jobs(jobs: list[BatchJob], client: Client) -> float:
     return took_s
 
 
-def _jobs(motions: list[Path], characters: list[Path], output: Path) -> list[BatchJob]:
+def _make_jobs(motions: list[Path], characters: list[Path], output: Path) -> list[BatchJob]:
     """Returns the jobs of all pairs."""
     plan = BatchPlan(tuple(map(str, motions)), tuple(map(str, characters)), str(output))
     return plan_jobs(plan)

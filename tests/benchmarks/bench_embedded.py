@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import graph_figures
 import numpy as np
-from creature_problem import measured
-from embedded_problem import DATA, Problem, as_live, problem
+from creature_problem import measure_frames
+from embedded_problem import DATA, Problem, problem, wait_as_live
 from figure import Figure
 from plain_gauss_newton import PlainGaussNewton
 
@@ -60,12 +60,12 @@ def figures() -> Iterator[Figure]:
     if not DATA.exists():
         print(f"embedded: no captured motions at {DATA}; set ENLIVEN_DATA")
     else:
-        yield from _solver_figures()
-    yield from _creature_figures()
+        yield from _measure_solver()
+    yield from _measure_creatures()
     yield from graph_figures.figures()
 
 
-def _solver_figures() -> Iterator[Figure]:
+def _measure_solver() -> Iterator[Figure]:
     median, gaps = [], []
     for nodes in SIZES:
         run = _measure(nodes)
@@ -82,16 +82,16 @@ def _solver_figures() -> Iterator[Figure]:
     yield Figure("embedded.growth", float(np.polyfit(np.log(SIZES), np.log(median), 1)[0]), "exponent")
     yield Figure("embedded.energy_gap_max", float(np.max(gaps)), "of the minimum")
     yield Figure("embedded.energy_gap_median", float(np.median(gaps)), "of the minimum")
-    yield Figure("embedded.growth_mb", _memory_growth(problem(128)[0]), "MB in 20,000 frames")
+    yield Figure("embedded.growth_mb", _measure_memory_growth(problem(128)[0]), "MB in 20,000 frames")
 
 
-def _creature_figures() -> Iterator[Figure]:
+def _measure_creatures() -> Iterator[Figure]:
     """Measures ten random dancing creatures, with and without a time budget.
 
     Gaps are measured only for the smallest graph, because the reference is slow.
     """
     for nodes in CREATURE_SIZES:
-        run = measured(nodes, nodes == CREATURE_SIZES[0])
+        run = measure_frames(nodes, nodes == CREATURE_SIZES[0])
         yield Figure(f"embedded.median_ms_any_{nodes}", float(np.median(run.frame_ms)), "ms")
         yield Figure(f"embedded.p99_ms_{nodes}", float(np.percentile(run.frame_ms, 99)), "ms")
         yield Figure(f"embedded.max_ms_any_{nodes}", float(run.frame_ms.max()), "ms")
@@ -100,7 +100,7 @@ def _creature_figures() -> Iterator[Figure]:
             yield Figure("embedded.gap_max_any", float(run.gaps.max()), "of the minimum")
             yield Figure("embedded.gap_max_said", float(run.gaps[run.said].max()), "where it says: settled")
             yield Figure("embedded.said_pct", 100.0 * float(run.said.mean()), "% of frames say: settled")
-        run = measured(nodes, False, BUDGET_MS[nodes])
+        run = measure_frames(nodes, False, BUDGET_MS[nodes])
         yield Figure(f"embedded.budget_p99_ms_{nodes}", float(np.percentile(run.frame_ms, 99)), "ms")
         yield Figure(f"embedded.budget_max_ms_{nodes}", float(run.frame_ms.max()), "ms")
 
@@ -115,7 +115,7 @@ def _measure(nodes: int) -> Run:
             states, each, counts, energies = [], [], [], []
             for targets in case.targets:
                 states.append(solver.state())
-                as_live(solver)
+                wait_as_live(solver)
                 start = time.perf_counter()
                 solver.solve(targets)
                 each.append(1e3 * (time.perf_counter() - start))
@@ -151,7 +151,7 @@ def _compare(run: Run, case: Problem, states: list, best: Float, energies: list[
         run.same_ms.append(float(best[frame]))
 
 
-def _memory_growth(case: Problem) -> float:
+def _measure_memory_growth(case: Problem) -> float:
     """Returns the megabytes by which the process grows over 20,000 frames, after warming up."""
     solver = EmbeddedSolver(case.graph, case.attachment)
     peaks = []

@@ -35,7 +35,7 @@ from enliven.motion_clips.capture_clip import clip_of_capture
 
 sys.path.append(str(Path(__file__).parent / "examples"))
 
-from example_travel import travels
+from example_travel import list_travels
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 TRAFFIC = DATA / "cmu_expmap" / "train_directing_traffic_4.txt"
@@ -49,7 +49,7 @@ JOINTS = (
 def figures() -> Iterator[Figure]:
     """Yields whole motions with 8 and 12 examples, the growth of time with frames, a live frame, and the
     travel."""
-    poses = traffic()
+    poses = make_poses()
     for count in (8, 12):
         examples = examples_of(poses, count)
         mapping = ExampleMap(examples)
@@ -57,7 +57,7 @@ def figures() -> Iterator[Figure]:
         yield Figure(f"examples.solve_s_{count}", ours, "s")
         free = ExampleMap(examples, ExampleSettings(margin=1e6))
         started = time.perf_counter()
-        plain = plain_solution(free, poses)
+        plain = compute_plain_solution(free, poses)
         theirs = time.perf_counter() - started
         np.testing.assert_allclose(free.solve(poses, STEP), plain, atol=1e-6 * examples.target_size)
         ours = _least(lambda m=free: m.solve(poses, STEP), 15)
@@ -67,13 +67,13 @@ def figures() -> Iterator[Figure]:
     # minutes.
     long = np.concatenate([poses, poses[::-1]] * 2)
     lengths = np.array([1, 2, 4, 8, 16]) * len(poses) // 4
-    rounds = [[_timed(lambda n=n: mapping.solve(long[:n], STEP)) for n in lengths] for _ in range(12)]
+    rounds = [[_time_call(lambda n=n: mapping.solve(long[:n], STEP)) for n in lengths] for _ in range(12)]
     times = np.array(rounds).min(0)
     yield Figure("examples.growth", float(np.polyfit(np.log(lengths), np.log(times), 1)[0]), "exponent")
     live = LiveExamples(mapping, STEP, 6)
-    took = [_timed(lambda pose=pose: live.push(pose)) for pose in poses[:600]]
+    took = [_time_call(lambda pose=pose: live.push(pose)) for pose in poses[:600]]
     yield Figure("examples.live_ms", 1000 * float(np.median(took[10:])), "ms")
-    travelled = list(travels())
+    travelled = list(list_travels())
     if travelled:
         offsets = [travel.offset for travel in travelled]
         yield Figure("examples.travel_offset_m", max(offsets), "m")
@@ -86,7 +86,7 @@ def figures() -> Iterator[Figure]:
         yield Figure("examples.walk_slide_cm_s", max(steps), "cm/s")
 
 
-def traffic() -> Float:
+def make_poses() -> Float:
     """Returns (F, 12, 3) poses, metres."""
     if TRAFFIC.is_file():
         return extract_performer_clip(clip_of_capture(read_expmap(TRAFFIC), "traffic"), JOINTS).poses
@@ -105,7 +105,7 @@ def examples_of(poses: Float, count: int) -> Examples:
     return Examples(JOINTS, JOINTS, sources, targets)
 
 
-def plain_solution(mapping: ExampleMap, poses: Float) -> Float:
+def compute_plain_solution(mapping: ExampleMap, poses: Float) -> Float:
     """Returns (F, P, 3) metres. The weights of all frames are one sparse least-squares system per control
     point.
     """
@@ -129,16 +129,16 @@ def plain_solution(mapping: ExampleMap, poses: Float) -> Float:
         bent = bend @ to_places
         solution = spsolve((sparse.block_diag(blocks, "csc") + bent.T @ bent).tocsc(), right)
         places[p] = (to_places @ solution).reshape(frames, 3)
-    return mapping.to_metres(places)
+    return mapping.convert_to_metres(places)
 
 
 def _least(job: Callable[[], object], repeats: int) -> float:
     """Returns the seconds of the fastest of ``repeats`` runs."""
     job()
-    return min(_timed(job) for _ in range(repeats))
+    return min(_time_call(job) for _ in range(repeats))
 
 
-def _timed(job: Callable[[], object]) -> float:
+def _time_call(job: Callable[[], object]) -> float:
     started = time.perf_counter()
     job()
     return time.perf_counter() - started

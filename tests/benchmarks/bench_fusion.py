@@ -48,7 +48,7 @@ def figures() -> Iterator[Figure]:
     yield from _synthetic()
     if MULTITRACK.is_dir():
         for study in (1, 24):
-            yield from _real(study)
+            yield from _measure_real(study)
     yield from _cost()
 
 
@@ -108,7 +108,7 @@ def _synthetic() -> Iterator[Figure]:
             ]
         )
 
-    alone = {name: errors(_in_space(frames[name], space, name)) for name in frames}
+    alone = {name: errors(_move_to_space(frames[name], space, name)) for name in frames}
     best = min(float(e.mean()) for e in alone.values())
     mean, within = float(errors(both).mean()), float((errors(both) < 0.1).mean())
     yield Figure(f"{NAME}.synthetic.mean_error_mm", 1e3 * mean, "mm", "the better sensor alone", best / mean)
@@ -122,7 +122,7 @@ def _synthetic() -> Iterator[Figure]:
     )
 
 
-def _in_space(frames: list[BodyFrame], space: Space, name: str) -> list[BodyFrame]:
+def _move_to_space(frames: list[BodyFrame], space: Space, name: str) -> list[BodyFrame]:
     """Returns one sensor's frames in world coordinates and on the common clock."""
     place = space.sensors[name]
     return [
@@ -131,7 +131,7 @@ def _in_space(frames: list[BodyFrame], space: Space, name: str) -> list[BodyFram
     ]
 
 
-def _real(study: int) -> Iterator[Figure]:
+def _measure_real(study: int) -> Iterator[Figure]:
     """Measures two real Kinects: alignment, identities, jitter."""
     (path,) = MULTITRACK.glob(f"Study_{study}_*.csv")
     reader = MultiTrackReader()
@@ -140,7 +140,7 @@ def _real(study: int) -> Iterator[Figure]:
     calibration = calibrate([stream_from_frames(name, frames) for name, frames in frames_of.items()])
     space = calibration.space()
     both = list(fuse_streams(frames_of, space, Fuser(sensor_positions(space))))
-    alone = [_in_space(frames_of[name], space, name) for name in KINECTS]
+    alone = [_move_to_space(frames_of[name], space, name) for name in KINECTS]
     minutes = (both[-1].time_ns - both[0].time_ns) / 6e10
     fits = [agreement(both, frames) for frames in alone]
     name = f"{NAME}.study_{study}"

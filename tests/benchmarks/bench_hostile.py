@@ -67,8 +67,8 @@ def figures() -> Iterator[Figure]:
         viewer.close()
     calm = (before[0] + after[0]) / (before[1] + after[1])
     fps = sum(u[0] for u in under) / sum(u[1] for u in under)
-    quiet = _slowest([before, after])
-    slowest = _slowest(under)
+    quiet = _time_slowest([before, after])
+    slowest = _time_slowest(under)
     yield Figure("hostile.fps_under_flood", fps, "frames/s", "undisturbed", fps / calm if calm else None)
     yield Figure("hostile.rss_growth_mb", most - memory, "MB")
     yield Figure("hostile.command_ms_p99", slowest, "ms", "undisturbed", quiet / slowest)
@@ -111,7 +111,7 @@ class Viewer:
         self.context.destroy(linger=0)
 
 
-def _slowest(parts: list[tuple[int, float, list[float]]]) -> float:
+def _time_slowest(parts: list[tuple[int, float, list[float]]]) -> float:
     """Returns the 99th percentile of the response times, milliseconds."""
     times = sorted(t for part in parts for t in part[2])
     return times[int(0.99 * (len(times) - 1))]
@@ -173,7 +173,7 @@ class Stranger:
             self.socket = None
 
 
-def _strangers(pose: int, control: int) -> list[Stranger]:
+def _connect_strangers(pose: int, control: int) -> list[Stranger]:
     """Returns the connections of the attack."""
 
     def ask(body: requests.Ask) -> bytes:
@@ -197,7 +197,7 @@ def _strangers(pose: int, control: int) -> list[Stranger]:
 
 def attack(pose: int, control: int) -> None:
     """Sends a million items within the time limit, or as many as the edge accepts."""
-    strangers, idle, sent, knocks = _strangers(pose, control), [], 0, 0
+    strangers, idle, sent, knocks = _connect_strangers(pose, control), [], 0, 0
     start, turns = time.monotonic(), itertools.count()
     while sent < MESSAGES and time.monotonic() < start + 2 * ATTACK:
         if sent > MESSAGES * (time.monotonic() - start) / ATTACK:

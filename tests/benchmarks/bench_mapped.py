@@ -20,7 +20,7 @@ from enliven.arrays import Float
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.meshes import Mesh
 from enliven.person.joints import Joint
-from enliven.possession import ActorSettings, standing_figure
+from enliven.possession import ActorSettings, make_standing_figure
 from enliven.possession.attachment.bone_attachment import ReachGrowth, attach
 from enliven.possession.likeness.any_mesh import body_from_extremities
 from enliven.possession.likeness.finding import find_body_in_mesh
@@ -52,19 +52,19 @@ def figures() -> Iterator[Figure]:
         limb_count += sum(compare_limbs(like.joints, body).values())
         before += sum(compare_limbs(body_from_extremities(graph).joints, body).values())
         certain += not like.doubts
-        fitted, joints = _in_fitted(body)
-        off.append(100.0 * float(np.linalg.norm((joints - standing_figure())[_TRUNK].mean(0)[[0, 2]])))
-        far.append(100.0 * _held_far(fitted, joints))
+        fitted, joints = _convert_to_fitted(body)
+        off.append(100.0 * float(np.linalg.norm((joints - make_standing_figure())[_TRUNK].mean(0)[[0, 2]])))
+        far.append(100.0 * _find_held_far(fitted, joints))
     yield Figure("mapped.limbs", limb_count, "of 40 arms and legs", PEER, limb_count / before)
     yield Figure("mapped.certain", certain, "of 10 bodies")
     yield Figure("mapped.stand_off_cm", max(off), "cm from back to back, the worst of ten")
     yield Figure("mapped.held_far_pct", float(np.mean(far)), "% of the hold is on another limb's skin")
     yield Figure("mapped.held_far_worst_pct", max(far), "% in the worst of ten")
     yield Figure("mapped.find_ms", float(np.median(times)), "ms of processor time")
-    yield from _turning_figures()
+    yield from _measure_turning()
 
 
-def _turning_figures() -> Iterator[Figure]:
+def _measure_turning() -> Iterator[Figure]:
     """Yields the heading error of each of the ten bodies, from the first frame on."""
     films = [
         measure_turning(make().mesh, how, seed)
@@ -79,7 +79,7 @@ def _turning_figures() -> Iterator[Figure]:
     yield Figure("mapped.place_m_first", max(film.first_m for film in films), "m off in the first frame")
 
 
-def _in_fitted(known: KnownBody) -> tuple[Mesh, Float]:
+def _convert_to_fitted(known: KnownBody) -> tuple[Mesh, Float]:
     """Returns the mesh placed so that a standing performer fits into it, and its own (20, 3) joints there,
     metres."""
     fitted, _ = prepare_mesh(known.mesh, ActorSettings())
@@ -88,7 +88,7 @@ def _in_fitted(known: KnownBody) -> tuple[Mesh, Float]:
     )
 
 
-def _held_far(mesh: Mesh, joints: Float) -> float:
+def _find_held_far(mesh: Mesh, joints: Float) -> float:
     """Returns the fraction of attached points that are on another limb, for a performer in the mesh's own
     pose."""
     graph, settings = DeformationGraph.build(mesh, nodes=128), ActorSettings()

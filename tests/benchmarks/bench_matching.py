@@ -15,7 +15,7 @@ import numpy as np
 import plain_matching
 from figure import Figure
 
-from enliven.matching.abstraction import abstract_joint_tree
+from enliven.matching.abstraction import make_abstract_joint_tree
 from enliven.matching.ranking import Matcher, RankingSettings
 from enliven.matching.views import ScreenView
 
@@ -30,9 +30,9 @@ def figures() -> Iterator[Figure]:
     view = ScreenView(np.array([0.3, -0.2, -1.0]))
     for joints in SIZES:
         positions, links = rig(joints, np.random.default_rng(joints))
-        prepared = _milliseconds(lambda p=positions, ls=links: Matcher(abstract_joint_tree(p, ls), p), 5)
+        prepared = _milliseconds(lambda p=positions, ls=links: Matcher(make_abstract_joint_tree(p, ls), p), 5)
         matcher = Matcher(
-            abstract_joint_tree(positions, links), positions, settings=RankingSettings(most=100_000)
+            make_abstract_joint_tree(positions, links), positions, settings=RankingSettings(most=100_000)
         )
         graph = nx.Graph()
         graph.add_nodes_from((joint, {"pos": point}) for joint, point in enumerate(positions))
@@ -40,9 +40,9 @@ def figures() -> Iterator[Figure]:
             (a, b, {"length": float(np.linalg.norm(positions[a] - positions[b]))}) for a, b in links
         )
         candidates = plain_matching.candidates(graph)
-        _same(matcher, source, view, plain_matching.ranked(candidates, source, view.axes, BLUR))
+        _is_same(matcher, source, view, plain_matching.rank_choices(candidates, source, view.axes, BLUR))
         ours = _milliseconds(lambda m=matcher: m.rank(source, view), REPEATS)
-        plain = _milliseconds(lambda f=candidates: plain_matching.ranked(f, source, view.axes, BLUR), 5)
+        plain = _milliseconds(lambda f=candidates: plain_matching.rank_choices(f, source, view.axes, BLUR), 5)
         yield Figure(f"matching.rank_ms_{joints}", ours, "ms", "plain networkx", plain / ours)
         yield Figure(f"matching.prepare_ms_{joints}", prepared, "ms")
 
@@ -62,7 +62,9 @@ def rig(joints: int, rng: np.random.Generator) -> tuple[np.ndarray, list[tuple[i
     return np.array(points), links
 
 
-def _same(matcher: Matcher, source: np.ndarray, view: ScreenView, expected: list[tuple[float, int]]) -> None:
+def _is_same(
+    matcher: Matcher, source: np.ndarray, view: ScreenView, expected: list[tuple[float, int]]
+) -> None:
     """Raises an error if the results differ, so that only equal results are timed."""
     whole = [m for m in matcher.rank(source, view) if None not in m.pairs]
     np.testing.assert_allclose([m.score for m in whole], [score for score, _ in expected], atol=1e-9)

@@ -41,7 +41,7 @@ def figures() -> Iterator[Figure]:
     theirs = _least(lambda: plain_constraints.evaluated(project, "spider", few), 5) / (len(few) * bones)
     ours = _least(lambda: player.sample(times), 30) / (len(times) * bones)
     yield Figure("matching.retarget_us_per_bone", ours, "us", "plain NumPy constraints", theirs / ours)
-    live = _least(lambda: [player.at(seconds) for seconds in times[:100]], 30) / (100 * bones)
+    live = _least(lambda: [player.compute_pose(seconds) for seconds in times[:100]], 30) / (100 * bones)
     yield Figure("matching.retarget_live_us_per_bone", live, "us", "plain NumPy constraints", theirs / live)
     yield Figure("matching.retarget_prepare_ms", _least(lambda: Player(project, "spider"), 30) / 1000, "ms")
 

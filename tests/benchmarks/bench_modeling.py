@@ -48,7 +48,7 @@ def figures() -> Iterator[Figure]:
         yield union_figure()
         yield from heat_figures()
         stroke = tentacle()
-        yield Figure("modeling.sketch_ms", 1e3 * least(lambda: shape_from_stroke(stroke)), "ms")
+        yield Figure("modeling.sketch_ms", 1e3 * time_fastest(lambda: shape_from_stroke(stroke)), "ms")
 
 
 def limb(vertices: int = 10_000) -> Mesh:
@@ -86,8 +86,8 @@ def chain(bones: int = BONES) -> Skeleton:
 def cut_figure() -> Figure:
     mesh, skeleton = limb(), chain()
     skin = bone_heat(mesh, skeleton)
-    ours = least(lambda: cut_across_bone(mesh, skin, skeleton, 15, 0.4))
-    peer = least(lambda: split_by_library(mesh))
+    ours = time_fastest(lambda: cut_across_bone(mesh, skin, skeleton, 15, 0.4))
+    peer = time_fastest(lambda: split_by_library(mesh))
     return Figure("modeling.cut_ms", 1e3 * ours, "ms", "manifold3d's own split, without skin", peer / ours)
 
 
@@ -104,16 +104,16 @@ def union_figure() -> Figure:
     sphere = trimesh.creation.icosphere(5)
     first = Mesh(sphere.vertices, sphere.faces, "first")
     second = Mesh(sphere.vertices * 0.8 + np.array([0.9, 0.1, 0.05]), sphere.faces, "second")
-    skins = [one_bone(mesh) for mesh in (first, second)]
-    ours = least(lambda: unite_meshes(first, skins[0], second, skins[1], 1))
+    skins = [make_one_bone(mesh) for mesh in (first, second)]
+    ours = time_fastest(lambda: unite_meshes(first, skins[0], second, skins[1], 1))
     faces = sphere.faces.astype(np.int64)
-    peer = least(
+    peer = time_fastest(
         lambda: igl.copyleft.cgal.mesh_boolean(first.vertices, faces, second.vertices, faces, "union"), 0.0, 2
     )
     return Figure("modeling.union_ms", 1e3 * ours, "ms", "libigl's boolean over CGAL", peer / ours)
 
 
-def one_bone(mesh: Mesh) -> SkinWeights:
+def make_one_bone(mesh: Mesh) -> SkinWeights:
     indices, weights = (
         np.zeros((len(mesh.vertices), 4), np.uint16),
         np.zeros((len(mesh.vertices), 4), np.float32),
@@ -124,19 +124,19 @@ def one_bone(mesh: Mesh) -> SkinWeights:
 
 def heat_figures() -> Iterator[Figure]:
     mesh, skeleton = limb(), chain()
-    ours = least(lambda: bone_heat(mesh, skeleton))
+    ours = time_fastest(lambda: bone_heat(mesh, skeleton))
     segments, _ = bone_segments(skeleton)
-    plain = least(lambda: plain_heat(mesh, segments), 0.5)
+    plain = time_fastest(lambda: compute_plain_heat(mesh, segments), 0.5)
     yield Figure("modeling.bone_heat_ms_10k", 1e3 * ours, "ms", "plain SciPy, without sight", plain / ours)
     handles = np.array([np.linalg.norm(mesh.vertices - s.mean(0), axis=1).argmin() for s in segments])
     faces = mesh.faces.astype(np.int64)
-    peer = least(lambda: igl.harmonic(mesh.vertices, faces, handles, np.eye(len(handles)), 2), 0.5)
+    peer = time_fastest(lambda: igl.harmonic(mesh.vertices, faces, handles, np.eye(len(handles)), 2), 0.5)
     yield Figure(
         "modeling.bone_heat_vs_libigl_ms_10k", 1e3 * ours, "ms", "libigl's biharmonic weights", peer / ours
     )
 
 
-def plain_heat(mesh: Mesh, segments: Float) -> Float:
+def compute_plain_heat(mesh: Mesh, segments: Float) -> Float:
     """Returns (V, B) bone heat in its simplest form, in which every vertex sees every bone."""
     starts, vectors = segments[:, 0], segments[:, 1] - segments[:, 0]
     away = mesh.vertices[:, None] - starts[None]
@@ -150,7 +150,7 @@ def plain_heat(mesh: Mesh, segments: Float) -> Float:
     return splu(matrix).solve(heat[:, None] * np.eye(len(segments))[nearest])
 
 
-def least(job: Callable[[], object], seconds: float = 1.0, runs: int = 3) -> float:
+def time_fastest(job: Callable[[], object], seconds: float = 1.0, runs: int = 3) -> float:
     """Returns the seconds of the fastest run. It repeats for ``seconds``, but at least ``runs`` times."""
     if runs > 1:
         job()

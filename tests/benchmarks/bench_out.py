@@ -65,11 +65,11 @@ REPEATS = 200
 
 def figures() -> Iterator[Figure]:
     """Yields the time per frame of each output, and the loss of the edge's frame rate in percent."""
-    frame = four_humans()
-    peer, ours = _microseconds(_python_osc, frame), _of_output(VmcOutput(), frame)
+    frame = make_four_humans()
+    peer, ours = _microseconds(_python_osc, frame), _measure_output(VmcOutput(), frame)
     yield Figure("out.vmc_us", ours, "us", "python-osc", peer / ours)
     for name, output in (("vrchat", VrchatOutput()), ("rokoko", RokokoOutput()), ("osc", OscOutput())):
-        yield Figure(f"out.{name}_us", _of_output(output, frame), "us")
+        yield Figure(f"out.{name}_us", _measure_output(output, frame), "us")
     yield Figure("out.foxglove_us", _microseconds(_foxglove(), frame), "us")
     packets = VmcOutput().encode_packets(frame)
     yield Figure("out.vmc_bytes", float(sum(map(len, packets))), "bytes")
@@ -97,7 +97,7 @@ def _edge_figures(frames: list[DepthFrame], rate: float) -> Iterator[Figure]:
     yield Figure(f"out.edge_{name}_loss_percent", 100.0 * (1.0 - float(kept)), "%")
 
 
-def four_humans() -> LiveFrame:
+def make_four_humans() -> LiveFrame:
     """Returns a frame with four human rigs, and the four performers that move them."""
     skeleton, random = _skeleton(), np.random.default_rng(0)
     characters, poses, people = {}, [], {}
@@ -116,11 +116,11 @@ def four_humans() -> LiveFrame:
         characters[name] = CharacterInfo(rig, humanoid)
         turns = to_matrix(from_rotation_vector(random.uniform(-0.5, 0.5, (len(skeleton), 3))))
         poses.append(Pose(name, 0, turns.astype(np.float32), pivots + np.float32(number)))
-        people[number] = _standing(number, np.array([number - 2.5, 0.95, -3.0]))
+        people[number] = _make_standing(number, np.array([number - 2.5, 0.95, -3.0]))
     return LiveFrame(0, people, poses, characters)
 
 
-def _standing(number: int, place: Float) -> Body:
+def _make_standing(number: int, place: Float) -> Body:
     """Returns a performer that stands upright."""
     posture = Posture(place, np.tile(np.eye(3), (13, 1, 1)), model.lengths_for_height(1.75))
     return Body(number, posture.joints(), np.ones(20), posture.orientations(), np.ones(2), 1.75)
@@ -128,7 +128,7 @@ def _standing(number: int, place: Float) -> Body:
 
 def _skeleton() -> Skeleton:
     """Returns the bones of a performer as a rig with VRM bone names."""
-    human = human_of_body(_standing(1, np.array([0.0, 0.95, 0.0])), "")
+    human = human_of_body(_make_standing(1, np.array([0.0, 0.95, 0.0])), "")
     names = tuple(bone[0].lower() + bone[1:] for bone in human.bones)
     return Skeleton(names, human.parents.astype(np.int32), human.positions)
 
@@ -147,7 +147,7 @@ def _microseconds(convert: Callable[[LiveFrame], object], frame: LiveFrame) -> f
     return 1e6 * float(np.median(took))
 
 
-def _of_output(output: LiveOutput, frame: LiveFrame) -> float:
+def _measure_output(output: LiveOutput, frame: LiveFrame) -> float:
     return _microseconds(output.encode_packets, frame)
 
 
@@ -160,7 +160,7 @@ def _foxglove() -> Callable[[LiveFrame], object]:
 def _python_osc(frame: LiveFrame) -> bytes:
     """Encodes the bones of one human and the trackers of three, one by one with python-osc."""
     builder = OscBundleBuilder(IMMEDIATELY)
-    first, *others = (frame.human_character(name) for name in frame.characters)
+    first, *others = (frame.find_human_character(name) for name in frame.characters)
     for bone, numbers in zip(first.bones, _bone_numbers(first).tolist(), strict=True):
         builder.add_content(build_msg("/VMC/Ext/Bone/Pos", [bone, *numbers]))
     for human in others:

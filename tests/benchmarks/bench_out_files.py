@@ -34,10 +34,10 @@ def figures() -> Iterator[Figure]:
         points = replace(performance, skeleton=None, joints=None)
         formats += [("usd", "out.usdc", performance), ("usd_points", "out.usdc", points)]
     for name, file, exported in formats:
-        yield Figure(f"out.export_fps_{name}", FRAMES / _least_seconds(file, exported), "frames/s")
+        yield Figure(f"out.export_fps_{name}", FRAMES / _time_fastest(file, exported), "frames/s")
 
 
-def _least_seconds(file: str, performance: Performance) -> float:
+def _time_fastest(file: str, performance: Performance) -> float:
     """Returns the shortest time of an export in seconds."""
     least = np.inf
     with tempfile.TemporaryDirectory() as folder:

@@ -32,22 +32,26 @@ SPEED = 6.0
 def figures() -> Iterator[Figure]:
     """Yields times of frames and kernels, and the response of a box to an impact."""
     world, cloud = _towers(), _cloud()
-    rest = _frames(world, lambda k: cloud + np.array([-3.0, 0, 0]), 90)
+    rest = _time_frames(world, lambda k: cloud + np.array([-3.0, 0, 0]), 90)
     world = _towers()
     path = [np.array([-1.5 + 0.06 * k, 0, 0.2 * np.sin(0.5 * k)]) for k in range(90)]
-    rampage = _frames(world, lambda k: cloud + path[k], 90)
+    rampage = _time_frames(world, lambda k: cloud + path[k], 90)
     yield Figure("physics.step_ms", float(np.median(rest)), "ms")
     yield Figure("physics.share_of_frame", float(np.median(rest)) / (1e3 * FRAME), "of 33 ms")
     yield Figure("physics.rampage_ms", float(np.median(rampage)), "ms")
     yield Figure("physics.rampage_worst_ms", float(np.max(rampage)), "ms")
-    character = _chair()
+    character = _make_chair()
     begin = time.perf_counter()
     proxies = pack_spheres(character)
     yield Figure("physics.pack_chair_ms", 1e3 * (time.perf_counter() - begin), "ms")
     yield Figure("physics.spheres_of_chair", float(len(proxies)), "spheres")
     pose, out = character.rest_pose(), np.empty_like(proxies.rest)
-    yield Figure("physics.centres_us", 1e6 * _least(lambda: proxies.centres(pose, out)), "us")
-    mocap, heavy, ours = _blow(heavy=False), _blow(heavy=True), _our_blow()
+    yield Figure("physics.centres_us", 1e6 * _time_fastest(lambda: proxies.centres(pose, out)), "us")
+    mocap, heavy, ours = (
+        _measure_engine_blow(heavy=False),
+        _measure_engine_blow(heavy=True),
+        _measure_our_blow(),
+    )
     yield Figure("physics.blow_depth_mm", 1e3 * ours, "mm", "mocap bodies", mocap / ours)
     yield Figure("physics.blow_depth_heavy_mm", 1e3 * heavy, "mm")
 
@@ -74,7 +78,7 @@ def _cloud() -> np.ndarray:
     return np.stack(grid, -1).reshape(-1, 3)
 
 
-def _frames(world: World, where: Callable[[int], np.ndarray], count: int) -> list[float]:
+def _time_frames(world: World, where: Callable[[int], np.ndarray], count: int) -> list[float]:
     """Returns the milliseconds of every frame except the first ones."""
     took = []
     for k in range(count):
@@ -85,12 +89,12 @@ def _frames(world: World, where: Callable[[int], np.ndarray], count: int) -> lis
     return took[10:]
 
 
-def _chair() -> Any:
+def _make_chair() -> Any:
     mesh = load_sample("chair")
     return character_from_graph(mesh, DeformationGraph.build(mesh, nodes=128), "chair")
 
 
-def _least(call: Callable[[], Any]) -> float:
+def _time_fastest(call: Callable[[], Any]) -> float:
     """Returns the seconds of the fastest of many calls."""
     best = np.inf
     for _ in range(2000):
@@ -100,31 +104,31 @@ def _least(call: Callable[[], Any]) -> float:
     return best
 
 
-def _blow_at(k: int) -> list[float]:
+def _find_blow_position(k: int) -> list[float]:
     """Returns the sphere's position after ``k`` time steps. It passes the box's position at full speed, then
     stops.
     """
     return [min(-0.4 + SPEED * k * MAX_SUBSTEP_S, 0.2), 0.1, 0.0]
 
 
-def _depth(k: int, box: float) -> float:
+def _compute_depth(k: int, box: float) -> float:
     """Returns the penetration depth of the sphere in the box centred at x = ``box`` while it still moves,
     metres."""
-    return _blow_at(k)[0] + 0.06 - (box - SIDE / 2)
+    return _find_blow_position(k)[0] + 0.06 - (box - SIDE / 2)
 
 
-def _our_blow() -> float:
+def _measure_our_blow() -> float:
     """Returns the penetration depth of a sphere in one box that it hits, metres."""
     world, deepest = World(_boxes(1), SETTINGS), 0.0
     world.set_state(slice(None), np.array([[0.0, SIDE / 2, 0.0]]))
     for k in range(round(0.5 / MAX_SUBSTEP_S)):
-        deepest = max(deepest, _depth(k, float(world.positions[0, 0])))
-        world.move(np.array([_blow_at(k + 1)]), np.array([0.06]))
+        deepest = max(deepest, _compute_depth(k, float(world.positions[0, 0])))
+        world.move(np.array([_find_blow_position(k + 1)]), np.array([0.06]))
         world.advance(MAX_SUBSTEP_S)
     return deepest
 
 
-def _blow(heavy: bool) -> float:
+def _measure_engine_blow(heavy: bool) -> float:
     """Returns the penetration depth with the engine alone: a mocap body, or a 200 kg body that is placed in
     every step.
     """
@@ -143,10 +147,13 @@ def _blow(heavy: bool) -> float:
       </worldbody></mujoco>""")
     data, deepest = mujoco.MjData(model), 0.0
     for k in range(round(0.5 / step)):
-        deepest = max(deepest, _depth(k, float(data.qpos[-7])))
+        deepest = max(deepest, _compute_depth(k, float(data.qpos[-7])))
         if heavy:
-            data.qpos[:3], data.qvel[:3] = _blow_at(k), [SPEED * (_blow_at(k)[0] < 0.2), 0.0, 0.0]
+            data.qpos[:3], data.qvel[:3] = (
+                _find_blow_position(k),
+                [SPEED * (_find_blow_position(k)[0] < 0.2), 0.0, 0.0],
+            )
         else:
-            data.mocap_pos[0] = _blow_at(k)
+            data.mocap_pos[0] = _find_blow_position(k)
         mujoco.mj_step(model, data)
     return deepest

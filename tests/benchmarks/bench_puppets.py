@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from bench_examples import STEP, plain_solution
+from bench_examples import STEP, compute_plain_solution
 from figure import Figure
 
 from enliven.arrays import Float
@@ -50,13 +50,15 @@ def figures() -> Iterator[Figure]:
     for _ in range(REPEATS):
         actor = PuppetActor(project, puppet)
         actor.warm_up()
-        runs.append(_performed(actor))
+        runs.append(_perform_puppet(actor))
     poses, bodies_seen, _ = runs[0]
     took = np.min([run[2] for run in runs], axis=0)
     frame = float(np.median(took[30:]))
     mapping = ExampleMap(examples_from_key_poses(project, puppet), puppet.examples)
     samples = actor.settings.rate / RATE
-    theirs = samples * _plain(mapping, bodies_seen, 1.0 / actor.settings.rate, actor.settings.lag + 1 + _OUT)
+    theirs = samples * _time_peer(
+        mapping, bodies_seen, 1.0 / actor.settings.rate, actor.settings.lag + 1 + _OUT
+    )
     yield Figure("puppets.frame_ms", 1000 * frame, "ms", "scipy spsolve", theirs / frame)
     yield Figure("puppets.frame_p99_ms", 1000 * float(np.percentile(took[30:], 99)), "ms")
     yield Figure("puppets.delay_ms", 1000 * (actor.settings.lag + 1) / actor.settings.rate, "ms")
@@ -65,16 +67,16 @@ def figures() -> Iterator[Figure]:
         pack_stream(pose_to_message(pose, codec, revision=1, sequence=k)) for k, pose in enumerate(poses)
     ]
     yield Figure("puppets.pose_bytes", float(np.median([len(message) for message in messages])), "bytes")
-    yield Figure("puppets.surface_ms", 1000 * _surface(actor, poses), "ms")
+    yield Figure("puppets.surface_ms", 1000 * _time_surface(actor, poses), "ms")
 
 
-def _performed(actor: PuppetActor) -> tuple[list[Pose], Float, Float]:
+def _perform_puppet(actor: PuppetActor) -> tuple[list[Pose], Float, Float]:
     """Returns the puppet's poses, the performer's poses (F, P, 3) in the form used by the examples, and the
     seconds of each frame.
     """
     poses, seen, took = [], [], []
     for f in range(FRAMES):
-        body = _performer(f / RATE)
+        body = _make_performer(f / RATE)
         started = time.perf_counter()
         poses.append(actor.perform([body], round((f + 1) * 1e9 / RATE)))
         took.append(time.perf_counter() - started)
@@ -85,7 +87,7 @@ def _performed(actor: PuppetActor) -> tuple[list[Pose], Float, Float]:
     return poses, np.array(seen), np.array(took)
 
 
-def _performer(seconds: float) -> Body:
+def _make_performer(seconds: float) -> Body:
     """Returns a performer that waves with both arms, marches and turns."""
     turns = standing_pose(0.3 * seconds)
     for bone, sign, speed in ((model.UPPER_ARM_L, 1.0, 2.0), (model.UPPER_ARM_R, -1.0, 2.7)):
@@ -98,7 +100,7 @@ def _performer(seconds: float) -> Body:
     return Body(1, joints, np.ones(20), stature=1.75)
 
 
-def _plain(mapping: ExampleMap, seen: Float, step: float, frames: int) -> float:
+def _time_peer(mapping: ExampleMap, seen: Float, step: float, frames: int) -> float:
     """Returns the peer's seconds for a window of ``frames`` frames."""
     # The peer has another time step. The weight is scaled so that the same bend has the same cost.
     alike = mapping.settings.acceleration * (STEP / step) ** 2
@@ -109,14 +111,14 @@ def _plain(mapping: ExampleMap, seen: Float, step: float, frames: int) -> float:
         each = []
         for _ in range(REPEATS):
             started = time.perf_counter()
-            plain = plain_solution(free, window)
+            plain = compute_plain_solution(free, window)
             each.append(time.perf_counter() - started)
         took.append(min(each))
         np.testing.assert_allclose(free.solve(window, STEP), plain, atol=1e-6)
     return float(np.median(took))
 
 
-def _surface(actor: PuppetActor, poses: list[Pose]) -> float:
+def _time_surface(actor: PuppetActor, poses: list[Pose]) -> float:
     """Returns the median seconds of the surface and its normals."""
     character, runs = actor.character, []
     drawn = split_creases(character.vertices, character.faces)

@@ -81,14 +81,14 @@ SLIDING = {
 def figures() -> Iterator[Figure]:
     """Yields slide and pose error of people; stretch, floor, sliding and symmetry of all other pairs."""
     yield from _slide_figures()
-    yield from _people_figures()
-    yield from _model_figures()
+    yield from _measure_people()
+    yield from _measure_models()
 
 
 def _slide_figures() -> Iterator[Figure]:
     """Yields the sliding speeds of standing feet with ``--travel --pin``, scaled to the size of a person."""
     lines = list[str]()
-    humans = [(model, _convention(model)) for model in _humans()]
+    humans = [(model, _find_convention(model)) for model in _list_humans()]
     others = [
         (model, convention)
         for name, convention in OTHER_BODIES.items()
@@ -98,7 +98,7 @@ def _slide_figures() -> Iterator[Figure]:
         medians, p90s = list[float](), list[float]()
         for name, pattern in SLIDING.items():
             speeds = [
-                standing_slides(path, _pinned_glb(model, _take(path)), convention)
+                standing_slides(path, _write_pinned_glb(model, _take(path)), convention)
                 for path in sorted(DATA.glob(pattern))
                 for model, convention in models
             ]
@@ -128,17 +128,17 @@ def _write_lines(name: str, lines: list[str]) -> None:
     out.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _humans() -> list[Path]:
+def _list_humans() -> list[Path]:
     """Returns the files of the human models."""
     return sorted([*DATA.glob("humanoids/*.glb"), *DATA.glob("humanoids/*.vrm")])
 
 
-def _convention(model: Path) -> str:
+def _find_convention(model: Path) -> str:
     """Returns the convention of names of a human model's joints."""
     return CONVENTIONS.get(model.stem.split("_")[0], "quaternius")
 
 
-def _pinned_glb(model: Path, take: Clip) -> bytes:
+def _write_pinned_glb(model: Path, take: Clip) -> bytes:
     """Returns the GLB that the command writes with ``--travel --pin``."""
     shape = read_gltf(model).shape
     result = retarget(shape, take, replace(create_automatic_plan(take, shape), travel=True, pin=True))
@@ -146,12 +146,12 @@ def _pinned_glb(model: Path, take: Clip) -> bytes:
     return build_glb([sample_performance(result.project, result.shape_id, 0.0, result.duration, rate)])
 
 
-def _people_figures() -> Iterator[Figure]:
+def _measure_people() -> Iterator[Figure]:
     """Yields the limb direction error and the sliding of planted feet in all human pairs."""
     lines, medians, p90s, slides = list[str](), list[float](), list[float](), list[float]()
     takes = sorted([*DATA.glob("bvh/*/*.bvh"), *DATA.glob("cmu_expmap/t*.txt")])
-    for model in _humans():
-        shape, convention = read_gltf(model).shape, _convention(model)
+    for model in _list_humans():
+        shape, convention = read_gltf(model).shape, _find_convention(model)
         for path in takes:
             take = _take(path)
             result = retarget(shape, take)
@@ -174,13 +174,13 @@ def _people_figures() -> Iterator[Figure]:
     yield Figure("retarget.people_slide_cm_s_p90", float(np.percentile(slides, 90)), "cm/s (pinned)")
 
 
-def _model_figures() -> Iterator[Figure]:
+def _measure_models() -> Iterator[Figure]:
     """Yields stretch, floor, sliding and symmetry of all pairs of a model and a clip."""
-    rows = [(model, clip, *_measured(shape, take)) for model, shape, clip, take in _pairs()]
+    rows = [(model, clip, *_measure_pair(shape, take)) for model, shape, clip, take in _list_pairs()]
     if not rows:
         return
-    _write_lines("retarget.txt", [_line(*row) for row in rows])
-    for name, chosen in (("", rows), ("_sealed", [row for row in rows if _sealed(row[0], row[1])])):
+    _write_lines("retarget.txt", [_format_line(*row) for row in rows])
+    for name, chosen in (("", rows), ("_sealed", [row for row in rows if _is_sealed(row[0], row[1])])):
         quality = [row[2] for row in chosen]
         stretch = np.array([motion.stretch for motion in quality])
         yield Figure(f"retarget.stretch_p99{name}", float(stretch.max()), "ratio")
@@ -198,7 +198,7 @@ def _model_figures() -> Iterator[Figure]:
     yield Figure("retarget.symmetric_maps", 100.0 * float(symmetric.mean()), "%")
 
 
-def _pairs() -> Iterator[tuple[str, RiggedCharacter, str, Clip]]:
+def _list_pairs() -> Iterator[tuple[str, RiggedCharacter, str, Clip]]:
     models = sorted(p for p in DATA.glob("gltf/*/*.gl*") if "static" not in p.parent.name)
     clips = sorted(DATA.glob("bvh/*/*.bvh"))
     for path in models:
@@ -217,14 +217,14 @@ def _take(path: Path) -> Clip:
     return read_take(path, None, 0.0, SECONDS)[0]
 
 
-def _measured(shape: RiggedCharacter, take: Clip) -> tuple[MotionQuality, bool | None]:
+def _measure_pair(shape: RiggedCharacter, take: Clip) -> tuple[MotionQuality, bool | None]:
     plan = replace(create_automatic_plan(take, shape), travel=True, pin=True)
     result = retarget(shape, take, plan)
     quality = measure_quality(result.project, result.shape_id, take, result.duration, plan)
-    return quality, _symmetric(plan, shape.skeleton, result.model_facing)
+    return quality, _is_symmetric(plan, shape.skeleton, result.model_facing)
 
 
-def _symmetric(plan: Plan, skeleton: Skeleton, facing: float) -> bool | None:
+def _is_symmetric(plan: Plan, skeleton: Skeleton, facing: float) -> bool | None:
     """Returns True if the left chains drive the mirror image of what the right chains drive.
 
     Returns None for a skeleton that is not symmetric.
@@ -246,12 +246,12 @@ def _symmetric(plan: Plan, skeleton: Skeleton, facing: float) -> bool | None:
     return all(apart[a, b] <= near for left, right in pairs for a, b in zip(left, right, strict=True))
 
 
-def _sealed(model: str, clip: str) -> bool:
+def _is_sealed(model: str, clip: str) -> bool:
     """Returns True for a third of the pairs, chosen by a hash of their names."""
     return int(hashlib.md5(f"{model} {clip}".encode()).hexdigest(), 16) % 3 == 0
 
 
-def _line(model: str, clip: str, quality: MotionQuality, symmetric: bool | None) -> str:
+def _format_line(model: str, clip: str, quality: MotionQuality, symmetric: bool | None) -> str:
     return f"{model:41s} {clip:36s} {SAID[symmetric]:14s} {quality}"
 
 

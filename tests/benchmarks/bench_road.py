@@ -67,7 +67,7 @@ def figures() -> Iterator[Figure]:
         listener = subprocess.Popen([sys.executable, "-c", LISTEN, address])
         try:
             edge = Edge(Reel(frames), Tracker(), Stage([actor]), outlet)
-            latencies, seconds, sizes = _performed(edge, frames)
+            latencies, seconds, sizes = _perform_road(edge, frames)
         finally:
             listener.kill()
             listener.wait()
@@ -78,7 +78,7 @@ def figures() -> Iterator[Figure]:
     yield Figure("road.pose_bytes", size, "bytes", "raw float32 3x4", raw / size)
 
 
-def _performed(edge: Edge, frames: list[DepthFrame]) -> tuple[list[float], float, list[int]]:
+def _perform_road(edge: Edge, frames: list[DepthFrame]) -> tuple[list[float], float, list[int]]:
     """Returns (milliseconds per frame, total seconds, bytes per pose message) after the performer is
     attached."""
     sizes: list[int] = []

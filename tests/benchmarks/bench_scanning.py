@@ -43,7 +43,7 @@ from enliven_synthesis.sensor.moved_object import (
     FollowingPath,
     MovedObjectPath,
     MovedObjectScan,
-    lie_on_back_pose,
+    make_lying_on_back_pose,
 )
 from enliven_synthesis.sensor.profile import load_profile
 
@@ -72,26 +72,28 @@ def figures() -> Iterator[Figure]:
     """Yields the fusion alone, the whole loop on the chair, and the camera path in the kitchen."""
     scan = HandheldScan(load_sample("chair"), load_profile("kinect1"), PATH)
     frames, truth = list(scan), [scan.pose(n) for n in range(scan.frames)]
-    yield from _fusion(frames[::15], truth[::15])
-    yield from _chair(scan, frames, truth)
-    yield from _laid_down(load_sample("chair"))
+    yield from _time_fusion(frames[::15], truth[::15])
+    yield from _scan_chair(scan, frames, truth)
+    yield from _scan_laid_chair(load_sample("chair"))
     folder = DATA / "scans" / "sevenscenes_kitchen"
     if folder.is_dir():
         posed = list(itertools.islice(PosedDepthReader().read(sorted(folder.iterdir())), 300))
         settings = ScanSettings(volume=VolumeSettings(voxel=0.01, reach=5.0))
         scanner, true_poses = Scanner(settings), [frame.world_from_camera for frame in posed]
-        poses, _ = _way(scanner, posed, true_poses[0])
-        yield Figure("scanning.ate_mm_kitchen_tracked", 1e3 * _apart(poses, true_poses), "mm")
+        poses, _ = _estimate_poses(scanner, posed, true_poses[0])
+        yield Figure(
+            "scanning.ate_mm_kitchen_tracked", 1e3 * _compute_position_error(poses, true_poses), "mm"
+        )
         scanner.close_loops()
-        ours, theirs = _matched(scanner, posed, true_poses)
-        yield Figure("scanning.ate_mm_kitchen", 1e3 * _apart(ours, theirs), "mm")
+        ours, theirs = _match_poses(scanner, posed, true_poses)
+        yield Figure("scanning.ate_mm_kitchen", 1e3 * _compute_position_error(ours, theirs), "mm")
         images = {frame.time_ns: frame for frame in posed}
         fused = [images[time_ns] for time_ns, _ in scanner.poses]
-        left, right = (_left(fused, poses, settings) for poses in (ours, theirs))
+        left, right = (_measure_gap(fused, poses, settings) for poses in (ours, theirs))
         yield Figure("scanning.kitchen_left_mm", 1e3 * left, "mm", "KinectFusion's poses", right / left)
 
 
-def _fusion(frames: list[DepthFrame], truth: list[np.ndarray]) -> Iterator[Figure]:
+def _time_fusion(frames: list[DepthFrame], truth: list[np.ndarray]) -> Iterator[Figure]:
     """Yields the milliseconds to fuse an image at 5 mm, including its preparation. Ours and Open3D's
     alternate.
     """
@@ -99,7 +101,7 @@ def _fusion(frames: list[DepthFrame], truth: list[np.ndarray]) -> Iterator[Figur
     camera, settings = frames[0].intrinsics, VolumeSettings(voxel=0.005)
     volume = TsdfVolume(settings)
     preparation = DepthPreparation(camera, settings.noise, settings.near, settings.far)
-    peer, ours, theirs = _open3d(camera), list[float](), list[float]()
+    peer, ours, theirs = _prepare_open3d(camera), list[float](), list[float]()
     for depth, pose in zip(depths, truth, strict=True):
         start = time.perf_counter()
         volume.integrate(preparation.prepare(depth), pose)
@@ -116,7 +118,7 @@ def _fusion(frames: list[DepthFrame], truth: list[np.ndarray]) -> Iterator[Figur
     )
 
 
-def _open3d(camera):
+def _prepare_open3d(camera):
     """Returns a function that fuses an image with Open3D's defaults at 5 mm, or None if it is not
     installed.
     """
@@ -140,7 +142,7 @@ def _open3d(camera):
     return fuse
 
 
-def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]) -> Iterator[Figure]:
+def _scan_chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]) -> Iterator[Figure]:
     """Measures the whole loop: times, the camera's error, and the surface's error."""
     scanner = Scanner()
     tracked = list[float]()
@@ -154,17 +156,17 @@ def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]
             tracked.append(time.perf_counter() - start)
 
     scanner.tracker.align = timed
-    poses, took = _way(scanner, frames, truth[0])
+    poses, took = _estimate_poses(scanner, frames, truth[0])
     yield Figure("scanning.track_ms", 1e3 * float(np.median(tracked)), "ms")
     yield Figure("scanning.fps", 1.0 / float(np.median(took)), "1/s")
-    yield Figure("scanning.ate_mm_object", 1e3 * _apart(poses, truth), "mm")
+    yield Figure("scanning.ate_mm_object", 1e3 * _compute_position_error(poses, truth), "mm")
     start = time.perf_counter()
     closed = scanner.close_loops()
     yield Figure("scanning.close_s", time.perf_counter() - start, "s")
     if closed is not None and closed.taken:
-        poses, truth = _matched(scanner, frames, truth)
+        poses, truth = _match_poses(scanner, frames, truth)
     meshed = time.perf_counter()
-    thing = scanner.thing()
+    thing = scanner.extract_object()
     yield Figure("scanning.mesh_s", time.perf_counter() - meshed, "s")
     reduced = decimate(thing, 50_000)
     with tempfile.TemporaryDirectory() as folder:
@@ -174,24 +176,24 @@ def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]
     yield Figure("scanning.triangles", float(len(thing.faces)), "triangles")
     yield Figure("scanning.decimated_mm", 1e3 * reduced.mean, "mm")
     yield Figure("scanning.mb", scanner.megabytes, "MB")
-    turn, move = _laid(np.array([p[:3, 3] for p in poses]), np.array([p[:3, 3] for p in truth]))
-    surface = scanner.surface()
-    near = _near(Mesh(surface.vertices @ turn.T + move, surface.faces), scan.scanned_mesh)
-    points = _sampled(scan.scanned_mesh, 600_000)
-    error = _errors(near, points)
+    turn, move = _align_points(np.array([p[:3, 3] for p in poses]), np.array([p[:3, 3] for p in truth]))
+    surface = scanner.extract_surface()
+    near = _find_object_faces(Mesh(surface.vertices @ turn.T + move, surface.faces), scan.scanned_mesh)
+    points = _sample_surface(scan.scanned_mesh, 600_000)
+    error = _compute_errors(near, points)
     yield Figure("scanning.surface_mm", 1e3 * float(error.mean()), "mm")
     yield Figure("scanning.surface_mm_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")
     # A million samples are closer together than NEAR. With a tenth of them, an eighth of a complete surface
     # would seem missing.
-    is_near = cKDTree(_sampled(near, 1_000_000)[0]).query(points[0][::12])[0] < NEAR
-    is_seen = _seen(scan, points[0][::12], points[1][::12])
+    is_near = cKDTree(_sample_surface(near, 1_000_000)[0]).query(points[0][::12])[0] < NEAR
+    is_seen = _find_visible(scan, points[0][::12], points[1][::12])
     yield Figure("scanning.completeness", float(is_near[is_seen].mean()), "of what the camera's way shows")
     yield Figure("scanning.completeness_all", float(is_near.mean()), "of the surface, undersides included")
 
 
-def _laid_down(chair: Mesh) -> Iterator[Figure]:
+def _scan_laid_chair(chair: Mesh) -> Iterator[Figure]:
     """Measures a scan in which the chair is laid on its back half-way: the mesh's completeness and error."""
-    poses = [np.eye(4), lie_on_back_pose(chair, (0.0, 0.15))]
+    poses = [np.eye(4), make_lying_on_back_pose(chair, (0.0, 0.15))]
     way = MovedObjectPath(poses, [LAID], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
     scan, scanner = MovedObjectScan(chair, way, load_profile("kinect1"), LAID_PATH), MovedScanner()
     again, off = None, list[float]()
@@ -210,24 +212,24 @@ def _laid_down(chair: Mesh) -> Iterator[Figure]:
     scanner.close_loops()
     mesh = scanner.merge_surfaces()
     yield Figure("scanning.join_s", time.perf_counter() - start, "s")
-    points = _sampled(chair, 600_000)
+    points = _sample_surface(chair, 600_000)
     # The first image has the true pose, but the later path drifts, so the surfaces are aligned first.
     grid = make_nearest_grid(sample_surface(chair, 60_000), 0.006, 0.1)
     ((pose,), _) = align_from_starts(
         grid, sample_surface(mesh, 8000), np.eye(4)[None], 25, 0.01, (0.05, 0.003)
     )
     mesh = Mesh(mesh.vertices @ pose[:3, :3].T + pose[:3, 3], mesh.faces)
-    error = _errors(mesh, points)
+    error = _compute_errors(mesh, points)
     yield Figure("scanning.surface_mm_laid", 1e3 * float(error.mean()), "mm")
     yield Figure("scanning.surface_mm_laid_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")
-    there = cKDTree(_sampled(mesh, 1_000_000)[0]).query(points[0][::12])[0] < NEAR
+    there = cKDTree(_sample_surface(mesh, 1_000_000)[0]).query(points[0][::12])[0] < NEAR
     yield Figure("scanning.completeness_laid", float(there.mean()), "of the surface, undersides included")
 
 
-def _errors(mesh: Mesh, points: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+def _compute_errors(mesh: Mesh, points: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """Returns the distances, metres, from points on a mesh to the true surface, given as points and
     normals."""
-    surface = _sampled(mesh, 100_000)
+    surface = _sample_surface(mesh, 100_000)
     distance, at = cKDTree(points[0]).query(surface[0])
     flat = np.abs(((surface[0] - points[0][at]) * points[1][at]).sum(1))
     # Samples of the truth are 2 mm apart. At short distances, point-to-plane is more accurate than
@@ -235,7 +237,7 @@ def _errors(mesh: Mesh, points: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     return np.where(distance < 0.006, np.minimum(flat, distance), distance)
 
 
-def _seen(scan: HandheldScan, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def _find_visible(scan: HandheldScan, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Returns which points (N, 3) of the object are visible, without occlusion, in at least LOOKS of every
     third image."""
     camera, looks = scan.intrinsics, np.zeros(len(points), int)
@@ -252,7 +254,7 @@ def _seen(scan: HandheldScan, points: np.ndarray, normals: np.ndarray) -> np.nda
     return looks >= LOOKS
 
 
-def _way(
+def _estimate_poses(
     scanner: Scanner, frames: list[DepthFrame], first: np.ndarray
 ) -> tuple[list[np.ndarray], list[float]]:
     """Returns the estimated poses of frames without poses (except the first), and the seconds for each
@@ -270,7 +272,7 @@ def _way(
     return poses, took
 
 
-def _matched(
+def _match_poses(
     scanner: Scanner, frames: list[DepthFrame], truth: list[np.ndarray]
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Returns the final poses of the fused frames, and the true ones."""
@@ -278,7 +280,7 @@ def _matched(
     return [pose for _, pose in scanner.poses], [true[time_ns] for time_ns, _ in scanner.poses]
 
 
-def _left(frames: list[DepthFrame], poses: list[np.ndarray], settings: ScanSettings) -> float:
+def _measure_gap(frames: list[DepthFrame], poses: list[np.ndarray], settings: ScanSettings) -> float:
     """Returns the distance, metres, between the images and the surface fused from them at the given poses."""
     scanner = Scanner(settings)
     for frame, pose in zip(frames, poses, strict=True):
@@ -290,7 +292,7 @@ def _left(frames: list[DepthFrame], poses: list[np.ndarray], settings: ScanSetti
     return float(np.mean([match.error for match in judged]))
 
 
-def _laid(these: np.ndarray, those: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _align_points(these: np.ndarray, those: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Returns the rotation and translation that align points (N, 3) with other points (Kabsch)."""
     a, b = these - these.mean(0), those - those.mean(0)
     u, _, v = np.linalg.svd(b.T @ a)
@@ -298,21 +300,21 @@ def _laid(these: np.ndarray, those: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return turn, those.mean(0) - turn @ these.mean(0)
 
 
-def _apart(found: list[np.ndarray], truth: list[np.ndarray]) -> float:
+def _compute_position_error(found: list[np.ndarray], truth: list[np.ndarray]) -> float:
     """Returns the root mean square error of the camera positions, metres, after aligning the paths."""
     these, those = (np.array([pose[:3, 3] for pose in poses]) for poses in (found, truth))
-    turn, move = _laid(these, those)
+    turn, move = _align_points(these, those)
     return float(np.sqrt(np.square(these @ turn.T + move - those).sum(1).mean()))
 
 
-def _near(mesh: Mesh, thing: Mesh) -> Mesh:
+def _find_object_faces(mesh: Mesh, thing: Mesh) -> Mesh:
     """Returns the faces of a scan that belong to the object instead of the floor."""
     low, high = thing.bounds
     inside = ((mesh.vertices > low - [0.05, -0.02, 0.05]) & (mesh.vertices < high + 0.05)).all(1)
     return mesh.with_faces(inside[mesh.faces].all(1))
 
 
-def _sampled(mesh: Mesh, count: int) -> tuple[np.ndarray, np.ndarray]:
+def _sample_surface(mesh: Mesh, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Returns evenly distributed points on a surface, and the normals there."""
     random, areas = np.random.default_rng(0), np.linalg.norm(mesh.face_vectors(), axis=1)
     face = random.choice(len(areas), count, p=areas / areas.sum())

@@ -42,10 +42,10 @@ def figures() -> Iterator[Figure]:
         scanner.close_loops()
         yield Figure(f"scanning.off_mm_{name}", 1e3 * float(np.median(off)), "mm of the camera")
         yield Figure(f"scanning.left_out_{name}", float(lost), "images")
-        yield from _surface(name, take.scanned_mesh, scanner.surface())
+        yield from _measure_surface(name, take.scanned_mesh, scanner.extract_surface())
 
 
-def _surface(name: str, truth: Mesh, whole: Mesh) -> Iterator[Figure]:
+def _measure_surface(name: str, truth: Mesh, whole: Mesh) -> Iterator[Figure]:
     """Yields the distance between the scan and the object, above the floor, and the completeness."""
     low, high = truth.bounds
     inside = ((whole.vertices > low - [0.05, -0.02, 0.05]) & (whole.vertices < high + 0.05)).all(1)

@@ -47,10 +47,10 @@ def figures() -> Iterator[Figure]:
     figures."""
     for name, (way, camera, images) in WAYS.items():
         take = MovedObjectScan(SCANNED_OBJECT, way, load_profile("kinect1"), camera, room=ROOM, width=640)
-        yield from _followed(name, take, images)
+        yield from _measure_path(name, take, images)
 
 
-def _followed(name: str, take: MovedObjectScan, images: int) -> Iterator[Figure]:
+def _measure_path(name: str, take: MovedObjectScan, images: int) -> Iterator[Figure]:
     """Yields the figures of one path."""
     scanner, off, room, took, followed = MovedScanner(object_tracking_settings(ScanSettings())), [], [], [], 0
     for index in range(0, images, EVERY):
@@ -69,10 +69,10 @@ def _followed(name: str, take: MovedObjectScan, images: int) -> Iterator[Figure]
     yield Figure(f"scanning.{name}_followed", followed / len(took), "of the images")
     yield Figure(f"scanning.{name}_mm", 1e3 * float(np.median(off)), "mm of the camera about the chair")
     yield Figure(f"scanning.{name}_room_mm", 1e3 * max(room), "mm of the camera in the room, the most")
-    yield from _mesh(name, scanner.thing())
+    yield from _measure_mesh(name, scanner.extract_object())
 
 
-def _mesh(name: str, made: Mesh) -> Iterator[Figure]:
+def _measure_mesh(name: str, made: Mesh) -> Iterator[Figure]:
     """Yields the distance of the aligned mesh from the chair, and the completeness."""
     middle = np.mean(SCANNED_OBJECT.bounds, axis=0) * [1, 0, 1]
     truth = replace(SCANNED_OBJECT, vertices=SCANNED_OBJECT.vertices - middle)

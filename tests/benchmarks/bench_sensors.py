@@ -44,7 +44,7 @@ TIMES = 5
 """Number of disconnections per driver."""
 
 
-def _stamped(frame: DepthFrame, moment: int | None = None) -> DepthFrame:
+def _write_stamp(frame: DepthFrame, moment: int | None = None) -> DepthFrame:
     """Returns the frame with a timestamp, monotonic nanoseconds (now by default), in its first four
     pixels."""
     depth = np.array(frame.depth)
@@ -52,7 +52,7 @@ def _stamped(frame: DepthFrame, moment: int | None = None) -> DepthFrame:
     return replace(frame, depth=depth)
 
 
-def _stamp(depth: UInt16) -> int:
+def _read_stamp(depth: UInt16) -> int:
     """Returns the timestamp stored in an image."""
     return int(np.ascontiguousarray(depth[0, :4]).view(np.int64)[0])
 
@@ -61,14 +61,14 @@ class StampedRealSense(RealSenseSensor):
     """A driver whose images contain the time at which they were passed to the library."""
 
     def _send(self, frame: DepthFrame, number: int) -> None:
-        super()._send(_stamped(frame), number)
+        super()._send(_write_stamp(frame), number)
 
 
 class StampedOak(OakSensor):
     """A driver whose images contain the time at which they were passed to the library."""
 
     def _send(self, frame: DepthFrame, number: int) -> None:
-        super()._send(_stamped(frame), number)
+        super()._send(_write_stamp(frame), number)
 
 
 class StampedTof(TofSensor):
@@ -84,7 +84,7 @@ class StampedOrbbec(OrbbecSensor):
 
     def _convert_frame(self, image: Any) -> DepthFrame:
         handed = time.monotonic_ns()
-        return _stamped(super()._convert_frame(image), handed)
+        return _write_stamp(super()._convert_frame(image), handed)
 
 
 DRIVERS: dict[str, tuple[str, Callable[..., Sensor], int]] = {
@@ -108,7 +108,7 @@ def figures() -> Iterator[Figure]:
                 print(f"{name}: {module} is not installed")
                 continue
             opener = IsolatedOpener(name, kind, {"rehearse": str(take)})
-            milliseconds, copies = _overhead(opener)
+            milliseconds, copies = _measure_overhead(opener)
             yield Figure(f"sensors.overhead_ms.{name}", statistics.median(milliseconds), "ms")
             yield Figure(f"sensors.overhead_ms_p99.{name}", float(np.percentile(milliseconds, 99)), "ms")
             yield Figure(f"sensors.copies.{name}", copies + more, "images copied an image")
@@ -125,12 +125,12 @@ def _record(path: Path) -> None:
             recorder.write_frame(DepthFrame(depth, camera, number * 1_000_000_000 // FPS, "bench"))
 
 
-def _overhead(opener: IsolatedOpener) -> tuple[list[float], float]:
+def _measure_overhead(opener: IsolatedOpener) -> tuple[list[float], float]:
     """Returns (milliseconds per image from the library to the edge, copies per image)."""
     taken, written = [], 0
     with opener() as sensor:
         while (frame := sensor.read(5.0)) is not None:
-            taken.append(1e-6 * (time.monotonic_ns() - _stamp(frame.depth)))
+            taken.append(1e-6 * (time.monotonic_ns() - _read_stamp(frame.depth)))
             # Data in shared memory was written there once. Any other data was copied once more.
             written += 1 if _is_shared(frame.depth) else 2
     return taken[WARM:], written / len(taken)
@@ -151,21 +151,21 @@ def _reconnect(opener: IsolatedOpener, take: Path) -> float:
     away, took = take.with_suffix(".away"), []
     with ReopeningSensor(opener) as sensor:
         for _ in range(TIMES):
-            _next(sensor)
+            _read_next(sensor)
             take.rename(away)
             for process in multiprocessing.active_children():
                 os.kill(process.pid or 0, signal.SIGKILL)
             until = time.monotonic() + AWAY
             while time.monotonic() < until:
-                _attempt(sensor)
+                _try_next(sensor)
             away.rename(take)
             start = time.monotonic()
-            _next(sensor)
+            _read_next(sensor)
             took.append(1e3 * (time.monotonic() - start))
     return statistics.median(took)
 
 
-def _attempt(sensor: Sensor) -> DepthFrame | None:
+def _try_next(sensor: Sensor) -> DepthFrame | None:
     """Returns the next frame, or None if none arrives."""
     try:
         frame = sensor.read(0.05)
@@ -174,6 +174,6 @@ def _attempt(sensor: Sensor) -> DepthFrame | None:
     return frame if isinstance(frame, DepthFrame) else None
 
 
-def _next(sensor: Sensor) -> DepthFrame:
+def _read_next(sensor: Sensor) -> DepthFrame:
     """Returns the next frame, ignoring faults."""
-    return next(frame for frame in map(_attempt, itertools.repeat(sensor)) if frame is not None)
+    return next(frame for frame in map(_try_next, itertools.repeat(sensor)) if frame is not None)

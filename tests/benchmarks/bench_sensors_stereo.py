@@ -60,20 +60,20 @@ def figures() -> Iterator[Figure]:
     rectification = Rectification(calibration_of(*lenses))
     ours = StereoMatcher(rectification)
     peer = Plain(rectification, 64)
-    scenes = {z: [_scene(lenses, rectification, z, seed) for seed in range(SEEDS)] for z in DISTANCES}
+    scenes = {z: [_make_scene(lenses, rectification, z, seed) for seed in range(SEEDS)] for z in DISTANCES}
     left, right, *_ = scenes[2][0]
-    fast, plain = _fps([lambda: ours.depth(left, right), lambda: peer.depth(left, right)])
+    fast, plain = _measure_fps([lambda: ours.depth(left, right), lambda: peer.depth(left, right)])
     yield Figure("sensors.stereo_fps", fast, "images a second on one core", PEER, fast / plain)
     for z in DISTANCES:
-        error, known_share, wrong = _judged(ours.depth, scenes[z])
-        others, _, others_wrong = _judged(peer.depth, scenes[z])
+        error, known_share, wrong = _measure_errors(ours.depth, scenes[z])
+        others, _, others_wrong = _measure_errors(peer.depth, scenes[z])
         name = "" if z == 2 else f".{z}m"
         yield Figure(f"sensors.stereo_error_mm{name}", error, f"mm at {z} m", PEER, others / error)
         yield Figure(f"sensors.stereo_known{name}", 100 * known_share, "% of the person")
         yield Figure(f"sensors.stereo_wrong{name}", 100 * wrong, "% of that", PEER, others_wrong / wrong)
 
 
-def _scene(lenses, rectification: Rectification, distance: float, seed: int) -> tuple[np.ndarray, ...]:
+def _make_scene(lenses, rectification: Rectification, distance: float, seed: int) -> tuple[np.ndarray, ...]:
     """Returns (left, right, true depth in metres, mask of the person)."""
     walls = room(wall=distance + 1.5)
     photographer = Renderer(walls + person(0.1 * seed, distance), seed)
@@ -85,7 +85,7 @@ def _scene(lenses, rectification: Rectification, distance: float, seed: int) -> 
     return *images, truth, which >= len(walls)
 
 
-def _judged(
+def _measure_errors(
     depth: Callable[..., np.ndarray], scenes: list[tuple[np.ndarray, ...]]
 ) -> tuple[float, float, float]:
     """Returns (median error in millimetres, fraction of the person with depth, fraction of that which is
@@ -101,7 +101,7 @@ def _judged(
     return median, float(np.mean(shares)), float((np.concatenate(all_off) > WRONG).mean())
 
 
-def _fps(works: list[Callable[[], object]]) -> list[float]:
+def _measure_fps(works: list[Callable[[], object]]) -> list[float]:
     """Returns calls per second of processor time. The functions are measured alternately."""
     least = [np.inf] * len(works)
     for _ in range(ROUNDS):

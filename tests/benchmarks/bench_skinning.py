@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 import igl
 import numpy as np
 from figure import Figure
-from graph_figures import folded_sphere
+from graph_figures import make_folded_sphere
 from skinned_normals import skin_normals
 from threadpoolctl import threadpool_limits
 
@@ -30,16 +30,16 @@ def figures() -> Iterator[Figure]:
     """Yields vertices and normals per second at three sizes. The largest one gives the figures without a
     size."""
     for size in SIZES:
-        mesh = folded_sphere(size)
+        mesh = make_folded_sphere(size)
         character = character_from_graph(mesh, DeformationGraph.build(mesh, NODES), "mesh")
-        pose = _waving(character)
+        pose = _make_waving_pose(character)
         count = len(character.vertices)
         rest = mesh.vertex_normals().astype(np.float32)
         out = np.empty((count, 3), np.float32)
-        vertices = count / _least(lambda: skin_vertices(character, pose, out))  # noqa: B023
-        normals = count / _least(lambda: skin_normals(character, pose, rest, out))  # noqa: B023
+        vertices = count / _time_fastest(lambda: skin_vertices(character, pose, out))  # noqa: B023
+        normals = count / _time_fastest(lambda: skin_normals(character, pose, rest, out))  # noqa: B023
         with threadpool_limits(1):
-            their_vertices, their_normals = _peer(character, pose)
+            their_vertices, their_normals = _time_peer(character, pose)
         label = {10_000: "_10k", 100_000: "_100k", 1_000_000: ""}[size]
         yield Figure(
             f"skinning.vertices_per_s{label}", vertices, "1/s", "libigl LBS", vertices / their_vertices
@@ -53,14 +53,14 @@ def figures() -> Iterator[Figure]:
         )
 
 
-def _waving(character: Character) -> Pose:
+def _make_waving_pose(character: Character) -> Pose:
     """Returns a pose in which every node is rotated and moved depending on its position."""
     turns = np.sin(3 * character.pivots.astype(np.float64))
     linear = rotation.to_matrix(rotation.from_rotation_vector(turns)).astype(np.float32)
     return Pose(character.id, 0, linear, (character.pivots + 0.1 * turns).astype(np.float32))
 
 
-def _peer(character: Character, pose: Pose) -> tuple[float, float]:
+def _time_peer(character: Character, pose: Pose) -> tuple[float, float]:
     """Returns libigl's vertices and normals per second. Its vertices are compared with ours."""
     count = min(len(character.vertices), MOST)
     weights = np.zeros((count, len(character.pivots)))
@@ -72,11 +72,11 @@ def _peer(character: Character, pose: Pose) -> tuple[float, float]:
     stacked = np.concatenate(list(pose.matrices(character.pivots).transpose(0, 2, 1)), 0).astype(np.float64)
     np.testing.assert_allclose(matrix @ stacked, skin_vertices(character, pose)[:count], atol=1e-4)
     faces = character.faces.astype(np.int64)
-    vertices = count / _least(lambda: matrix @ stacked)
-    return vertices, len(whole) / _least(lambda: igl.per_vertex_normals(whole, faces))
+    vertices = count / _time_fastest(lambda: matrix @ stacked)
+    return vertices, len(whole) / _time_fastest(lambda: igl.per_vertex_normals(whole, faces))
 
 
-def _least(job: Callable[[], object], seconds: float = 1.0) -> float:
+def _time_fastest(job: Callable[[], object], seconds: float = 1.0) -> float:
     """Returns the seconds of the fastest run of as many as fit into ``seconds``, at least three."""
     job()
     took: list[float] = []

@@ -41,11 +41,11 @@ FIRST_FRAME = f"""
 import itertools, time
 from enliven.frames import DepthFrame
 from enliven.recording import Recording
-from enliven_edge.doctor import shipped_recording
+from enliven_edge.doctor import find_shipped_recording
 from enliven_edge.tracking.tracker import Tracker
 from enliven_edge.warmup import warm_up_tracking
 warm_up_tracking()
-frames = (f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame))
+frames = (f for f in Recording(find_shipped_recording()).frames() if isinstance(f, DepthFrame))
 tracker = Tracker()
 for frame in itertools.islice(list(frames), {LATER} + 1):
     began = time.perf_counter()
@@ -59,31 +59,31 @@ def figures() -> Iterator[Figure]:
     """Yields start.help_s, .first_pose_s and .first_frame_ms. If ``start`` is named, also .install_s and
     .test_s.
     """
-    yield Figure("start.help_s", statistics.median(_help() for _ in range(LAPS)), "s")
-    first_pose()  # kernels are compiled and files are in the disk cache afterwards
-    yield Figure("start.first_pose_s", statistics.median(first_pose() for _ in range(LAPS)), "s")
-    laps = [_frames() for _ in range(LAPS)]
+    yield Figure("start.help_s", statistics.median(_time_help() for _ in range(LAPS)), "s")
+    time_first_pose()  # kernels are compiled and files are in the disk cache afterwards
+    yield Figure("start.first_pose_s", statistics.median(time_first_pose() for _ in range(LAPS)), "s")
+    laps = [_time_frames() for _ in range(LAPS)]
     first = statistics.median(lap[0] for lap in laps)
     later = statistics.median(ms for lap in laps for ms in lap[1:])
     yield Figure("start.first_frame_ms", first, "ms", f"the median of the next {LATER}", later / first)
     if "start" in sys.argv[1:]:
-        yield from _fresh()
+        yield from _time_fresh_clone()
 
 
-def _help() -> float:
+def _time_help() -> float:
     """Returns the seconds of ``enliven --help``."""
     began = time.perf_counter()
     subprocess.run([*ENLIVEN, "--help"], check=True, capture_output=True)
     return time.perf_counter() - began
 
 
-def _frames() -> list[float]:
+def _time_frames() -> list[float]:
     """Returns the milliseconds of each of a tracker's first frames."""
     result = subprocess.run([sys.executable, "-c", FIRST_FRAME], check=True, capture_output=True, text=True)
     return [float(line) for line in result.stdout.split()]
 
 
-def first_pose(patience: float = PATIENCE, **environment: str) -> float:
+def time_first_pose(patience: float = PATIENCE, **environment: str) -> float:
     """Returns the seconds from the start of an edge until a viewer receives the first pose. The edge
     possesses at once.
 
@@ -113,22 +113,22 @@ def first_pose(patience: float = PATIENCE, **environment: str) -> float:
 
 def _is_possessed(document: Document) -> bool:
     """Returns True if a pose of a possessed mesh has arrived."""
-    moment = document.timeline.at(document.timeline.end_ns) if len(document.timeline) else None
+    moment = document.timeline.find_moment(document.timeline.end_ns) if len(document.timeline) else None
     return moment is not None and moment.possessed
 
 
-def _fresh() -> Iterator[Figure]:
+def _time_fresh_clone() -> Iterator[Figure]:
     """Yields the time of the two commands in a new clone of the last commit. pip may have cached the
     packages."""
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run(["git", "clone", "-q", str(ROOT), folder], check=True)
-        yield Figure("start.install_s", _made(folder, "setup-dev"), "s")
+        yield Figure("start.install_s", _time_make(folder, "setup-dev"), "s")
         if os.environ.get(ASKED_FOR_TESTS) == "1":
             subprocess.run(["git", "clean", "-qfdx"], cwd=folder, check=True)
-            yield Figure("start.test_s", _made(folder, "test"), "s")
+            yield Figure("start.test_s", _time_make(folder, "test"), "s")
 
 
-def _made(folder: str, target: str) -> float:
+def _time_make(folder: str, target: str) -> float:
     """Returns the seconds of ``make target`` in a folder. The command must succeed."""
     clean = {key: value for key, value in os.environ.items() if not key.startswith(("MAKE", "MFLAGS"))}
     began = time.perf_counter()

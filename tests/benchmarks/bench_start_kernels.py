@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import llvmlite.binding
-from bench_start import ENLIVEN, FIRST_FRAME, ROOT, first_pose
+from bench_start import ENLIVEN, FIRST_FRAME, ROOT, time_first_pose
 from data_needs import CMU
 from figure import Figure
 
@@ -50,35 +50,35 @@ def figures() -> Iterator[Figure]:
     if "start" not in sys.argv[1:]:
         return
     with tempfile.TemporaryDirectory() as empty:
-        yield Figure("start.cold_first_pose_s", first_pose(COLD, NUMBA_CACHE_DIR=f"{empty}/pose"), "s")
+        yield Figure("start.cold_first_pose_s", time_first_pose(COLD, NUMBA_CACHE_DIR=f"{empty}/pose"), "s")
         film = [*ENLIVEN, "run", "--film", "--out", f"{empty}/film"]
-        yield Figure("start.cold_run_s", seconds_of(film, NUMBA_CACHE_DIR=f"{empty}/run"), "s")
-        cold = processor_seconds(NUMBA_CACHE_DIR=f"{empty}/edge")
-        warm = processor_seconds(NUMBA_CACHE_DIR=f"{empty}/edge")
+        yield Figure("start.cold_run_s", time_command(film, NUMBA_CACHE_DIR=f"{empty}/run"), "s")
+        cold = measure_processor_seconds(NUMBA_CACHE_DIR=f"{empty}/edge")
+        warm = measure_processor_seconds(NUMBA_CACHE_DIR=f"{empty}/edge")
         yield Figure("start.compile_cpu_s", cold - warm, "s of processor time")
         yield Figure("start.kernels", len(list(Path(empty, "edge").glob("*.kernel"))), "files of an edge")
-        yield from from_wheel(Path(empty))
-    yield from portable_cost()
+        yield from measure_wheel(Path(empty))
+    yield from measure_portable_cost()
 
 
-def seconds_of(command: list[str], **environment: str) -> float:
+def time_command(command: list[str], **environment: str) -> float:
     """Returns the seconds of a command, which must succeed."""
     began = time.perf_counter()
     subprocess.run(command, env={**os.environ, **environment}, check=True, capture_output=True)
     return time.perf_counter() - began
 
 
-def processor_seconds(**environment: str) -> float:
+def measure_processor_seconds(**environment: str) -> float:
     """Returns the processor time in seconds of an edge on the shipped recording, including its child
     processes.
     """
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    seconds_of([*ENLIVEN, *REPLAY, "--name", f"bench-{os.getpid()}"], **environment)
+    time_command([*ENLIVEN, *REPLAY, "--name", f"bench-{os.getpid()}"], **environment)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def from_wheel(folder: Path) -> Iterator[Figure]:
+def measure_wheel(folder: Path) -> Iterator[Figure]:
     """Yields the size of the wheel of kernels, and the time to the first pose of an edge that has only this
     wheel.
     """
@@ -92,16 +92,19 @@ def from_wheel(folder: Path) -> Iterator[Figure]:
         with zipfile.ZipFile(wheel) as archive:
             archive.extractall(folder / "site")
         words = {"PYTHONPATH": str(folder / "site"), "NUMBA_CACHE_DIR": str(folder / "own")}
-        poses = [first_pose(COLD, **words) for _ in range(LAPS)]
+        poses = [time_first_pose(COLD, **words) for _ in range(LAPS)]
         yield Figure("start.wheel_first_pose_s", statistics.median(poses), "s")
         compiled = len(list((folder / "own").glob("*.kernel")))
         yield Figure("start.wheel_compiled", compiled, "kernels that the wheel lacks")
 
 
-def portable_cost() -> Iterator[Figure]:
+def measure_portable_cost() -> Iterator[Figure]:
     """Yields the time with code for the processor's level as a multiple of that with native code."""
     names = processor_levels()
-    native = {"NUMBA_CPU_NAME": llvmlite.binding.get_host_cpu_name(), "NUMBA_CPU_FEATURES": host_features()}
+    native = {
+        "NUMBA_CPU_NAME": llvmlite.binding.get_host_cpu_name(),
+        "NUMBA_CPU_FEATURES": find_host_features(),
+    }
     for figure in LEVELS:
         if figure.startswith("embedded") and CMU.is_missing:
             continue
@@ -109,23 +112,27 @@ def portable_cost() -> Iterator[Figure]:
         for _ in range(LAPS):  # alternately, so that a change of the machine's load affects all of them
             for name in ("native", *names):
                 chosen = native if name == "native" else {"NUMBA_CPU_NAME": name, "NUMBA_CPU_FEATURES": ""}
-                least[name] = min(least.get(name, float("inf")), time_of(figure, **chosen))
+                least[name] = min(least.get(name, float("inf")), time_level(figure, **chosen))
         for name in names:
             cost = least[name] / least["native"]
             yield Figure(f"start.portable_cost_{name}_{figure.partition('.')[0]}", cost, "times native code")
 
 
-def host_features() -> str:
+def find_host_features() -> str:
     """Returns LLVM's list of this processor's features, as Numba uses it for native code."""
     return llvmlite.binding.get_host_cpu_features().flatten()
 
 
-def time_of(figure: str, **environment: str) -> float:
+def time_level(figure: str, **environment: str) -> float:
     """Returns the milliseconds of one of :data:`LEVELS`."""
-    return tracked_ms(**environment) if figure == "tracking" else measured(figure, **environment)
+    return (
+        measure_tracking_ms(**environment)
+        if figure == "tracking"
+        else measure_in_process(figure, **environment)
+    )
 
 
-def measured(figure: str, **environment: str) -> float:
+def measure_in_process(figure: str, **environment: str) -> float:
     """Returns a figure that a benchmark measures in a separate process."""
     command = [sys.executable, "-c", UNTIL, str(ROOT / "tests" / "benchmarks"), figure]
     done = subprocess.run(
@@ -134,7 +141,7 @@ def measured(figure: str, **environment: str) -> float:
     return float(done.stdout.splitlines()[-1])  # a benchmark may print notes first
 
 
-def tracked_ms(**environment: str) -> float:
+def measure_tracking_ms(**environment: str) -> float:
     """Returns the median milliseconds per frame for tracking the person in the shipped recording."""
     command = [sys.executable, "-c", FIRST_FRAME]
     done = subprocess.run(

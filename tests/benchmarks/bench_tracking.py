@@ -45,21 +45,21 @@ _FLOOR_FRAMES = 60
 def figures() -> Iterator[Figure]:
     """Yields all figures, also for each real sequence."""
     warm_up_tracking()
-    yield from _speed()
-    yield from _accuracy(HELD_OUT, "tracking")
-    yield from _accuracy(TUNING, "tracking.tuning")
-    yield from _accuracy(CLOSE, "tracking.close")
-    yield from _accuracy(SEALED, "tracking.sealed")
-    yield from _accuracy(TURNS, "tracking.turns")
-    yield from _accuracy(SEALED_TURNS, "tracking.turns_sealed")
-    yield from _accuracy(FLOOR, "tracking.floor")
-    yield from _accuracy(SEALED_FLOOR, "tracking.floor_sealed")
-    yield from _floor(SEALED, "tracking.sealed")
-    yield from _real()
-    yield from _memory()
+    yield from _measure_speed()
+    yield from _measure_accuracy(HELD_OUT, "tracking")
+    yield from _measure_accuracy(TUNING, "tracking.tuning")
+    yield from _measure_accuracy(CLOSE, "tracking.close")
+    yield from _measure_accuracy(SEALED, "tracking.sealed")
+    yield from _measure_accuracy(TURNS, "tracking.turns")
+    yield from _measure_accuracy(SEALED_TURNS, "tracking.turns_sealed")
+    yield from _measure_accuracy(FLOOR, "tracking.floor")
+    yield from _measure_accuracy(SEALED_FLOOR, "tracking.floor_sealed")
+    yield from _measure_floor(SEALED, "tracking.sealed")
+    yield from _measure_real()
+    yield from _measure_memory()
 
 
-def _accuracy(split: str, prefix: str) -> Iterator[Figure]:
+def _measure_accuracy(split: str, prefix: str) -> Iterator[Figure]:
     total, rough = Scores(), Scores()
     first, single_costs = [], []
     for sequence in sequences(split):
@@ -109,7 +109,7 @@ def _accuracy(split: str, prefix: str) -> Iterator[Figure]:
         yield Figure(f"{prefix}.within_10cm.{joint_label(joint)}", share, "of visible joints")
 
 
-def _floor(split: str, prefix: str) -> Iterator[Figure]:
+def _measure_floor(split: str, prefix: str) -> Iterator[Figure]:
     """Yields the floor's tilt error, the sensor height's error, and the time of detection. Each is the worst
     of all films.
     """
@@ -134,7 +134,7 @@ def _floor(split: str, prefix: str) -> Iterator[Figure]:
     yield Figure(f"{prefix}.floor_found_max", max(delays), "s, the latest film")
 
 
-def _speed() -> Iterator[Figure]:
+def _measure_speed() -> Iterator[Figure]:
     """Yields frames per second on one core at 640 x 400, with one performer and with four."""
     for name, only in (("fps_1", "h traffic"), ("fps_4", "h four")):
         films = sequences(HELD_OUT, only) or sequences(HELD_OUT, "h one leg")
@@ -149,7 +149,7 @@ def _speed() -> Iterator[Figure]:
         yield Figure(f"tracking.{name}", 1.0 / seconds, f"frames/s with {max(people[_TAKEN_UP:])} tracked")
 
 
-def _memory() -> Iterator[Figure]:
+def _measure_memory() -> Iterator[Figure]:
     """Yields the growth of the process during one performer's endless dance, per hour at 30 frames per
     second.
     """
@@ -169,7 +169,7 @@ def _memory() -> Iterator[Figure]:
     yield Figure("tracking.memory_growth", growth, "MB/hour")
 
 
-def _real() -> Iterator[Figure]:
+def _measure_real() -> Iterator[Figure]:
     for real in tracking_real.with_joints():
         s = real.scores()
         yield Figure(f"tracking.{real.name}.within_10cm", s.within, "of the sensor maker's joints")

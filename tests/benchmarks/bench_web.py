@@ -39,7 +39,9 @@ PATIENCE_S = 120.0
 def figures() -> Iterator[Figure]:
     """Yields ``web.bytes_per_frame``, and ``web.latency_ms`` if Chromium is installed."""
     stop = threading.Event()
-    with PublishedStage("bench-web", {name: pose_at(name, 0) for name in names()}, people(0)) as stage:
+    with PublishedStage(
+        "bench-web", {name: make_pose(name, 0) for name in list_names()}, make_people(0)
+    ) as stage:
         mover = threading.Thread(target=move, args=(stage, stop))
         mover.start()
         server = WebServer(stage.address, load_access("127.0.0.1"))
@@ -56,7 +58,7 @@ def figures() -> Iterator[Figure]:
             mover.join()
 
 
-def names() -> list[str]:
+def list_names() -> list[str]:
     """Returns the names of the characters."""
     return [f"chair {number}" for number in range(CHARACTERS)]
 
@@ -75,25 +77,25 @@ def make_character(name: str) -> Character:
     return Character(name, vertices, mesh.faces, skin, pivots, edges, "graph", mesh.colours)
 
 
-def pose_at(name: str, frame: int) -> tuple[Character, Pose]:
+def make_pose(name: str, frame: int) -> tuple[Character, Pose]:
     """Returns a character and its pose in a frame, smoothly bent and rotated as by a performer."""
     character = make_character(name)
-    phase = 2 * np.pi * frame / 60 + phase_of(name)
+    phase = 2 * np.pi * frame / 60 + compute_phase(name)
     pivots = character.pivots.astype(np.float64)
     bend = np.stack(
         [0.4 * np.sin(phase) * pivots[:, 1], 0.2 * np.cos(phase) + 0 * pivots[:, 0], 0 * pivots[:, 0]], 1
     )
     turns = to_matrix(from_rotation_vector(bend))
-    positions = np.einsum("jab,jb->ja", turns, pivots) + np.array([0.5 * phase_of(name), 0.0, 0.0])
+    positions = np.einsum("jab,jb->ja", turns, pivots) + np.array([0.5 * compute_phase(name), 0.0, 0.0])
     return character, Pose(name, frame, turns.astype(np.float32), positions.astype(np.float32))
 
 
-def phase_of(name: str) -> float:
+def compute_phase(name: str) -> float:
     """Returns a different number for each character, the same in every run."""
-    return float(names().index(name))
+    return float(list_names().index(name))
 
 
-def people(frame: int) -> tuple[Body, ...]:
+def make_people(frame: int) -> tuple[Body, ...]:
     """Returns two people with moving joints."""
     rng = np.random.default_rng(2)
     joints = rng.uniform(-0.8, 0.8, (20, 3)) + np.array([0.0, 1.0, 0.0])
@@ -106,8 +108,8 @@ def move(stage: PublishedStage, stop: threading.Event) -> None:
     frame = 0
     while not stop.wait(INTERVAL_S):
         frame += 1
-        stage.poses = {name: pose_at(name, frame) for name in names()}
-        stage.bodies = people(frame)
+        stage.poses = {name: make_pose(name, frame) for name in list_names()}
+        stage.bodies = make_people(frame)
 
 
 def measure_bytes(server: WebServer, stage: PublishedStage) -> float:

@@ -62,14 +62,14 @@ def figures() -> Iterator[Figure]:
     """Yields window.scrub_ms, window.project_mb and _disk_mb, window.edit_to_stage_ms and
     window.put_latency_ms."""
     yield _scrub()
-    yield from _size()
+    yield from _measure_size()
     pose, control = free_ports()[:2]
     words = ["--possess-at", "0.5", "--loop", "--port", str(pose), "--control-port", str(control)]
     command = [sys.executable, "-m", "enliven", "edge", *words, "--name", f"bench-{os.getpid()}"]
     edge = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     link = EdgeClient([Endpoint("127.0.0.1", pose, control)])
     try:
-        yield from _measured(link)
+        yield from _measure_laps(link)
     finally:
         link.close()
         edge.terminate()
@@ -84,7 +84,7 @@ def _scrub() -> Figure:
     Drawing is not included.
     """
     project, names = Project(), []
-    for source, name in (skeleton_world(), graph_world(), (_acting(), "cactus")):
+    for source, name in (skeleton_world(), graph_world(), (_load_acting_cactus(), "cactus")):
         project, pasted = paste_character(project, source, name)
         names.append(pasted)
     arm = project.shape(names[0])
@@ -109,7 +109,7 @@ def _scrub() -> Figure:
     return Figure("window.scrub_ms", statistics.median(took[SCRUBS // 4 :]), "ms")
 
 
-def _size() -> Iterator[Figure]:
+def _measure_size() -> Iterator[Figure]:
     """Measures the megabytes of a project, read from its file, of ten characters with half a minute of motion
     each.
 
@@ -117,7 +117,7 @@ def _size() -> Iterator[Figure]:
     own take. Memory is what Python reports after reading.
     """
     project, names = Project(), list[str]()
-    dance = _long(next(iter(cactus_project().takes.values())))
+    dance = _make_long_take(next(iter(cactus_project().takes.values())))
     puppet = play_take(cactus_project().with_takes(dance), "cactus", dance.id)
     dancer = Project().with_takes(dance).with_characters(still_shape("dancer", dance.skeleton))
     for joint in range(1, len(dance.skeleton)):
@@ -125,7 +125,7 @@ def _size() -> Iterator[Figure]:
     chair, name = possessed_chair(frames=round(HALF_MINUTE * 30))
     for source, character, count in ((dancer, "dancer", 4), (chair, name, 3), (puppet, "cactus", 3)):
         for number in range(count):
-            project, pasted = paste_character(project, _later(source, number), character)
+            project, pasted = paste_character(project, _delay_takes(source, number), character)
             names.append(pasted)
     assert len(set(names)) == len(project.characters) == 10
     stored = project_bytes(project)
@@ -138,7 +138,7 @@ def _size() -> Iterator[Figure]:
     yield Figure("window.project_disk_mb", len(stored) / 1e6, "MB")
 
 
-def _later(project: Project, number: int) -> Project:
+def _delay_takes(project: Project, number: int) -> Project:
     """Returns the project with takes that begin some frames later, so that each character has a different
     motion."""
     by = 7 * number
@@ -153,7 +153,7 @@ def _later(project: Project, number: int) -> Project:
     return project.with_takes(*takes).with_streams(*streams)
 
 
-def _long(clip: Clip) -> Clip:
+def _make_long_take(clip: Clip) -> Clip:
     """Returns a take of half a minute, made by playing a clip forwards and backwards."""
     turns, root = (np.concatenate([part, part[-2:0:-1]]) for part in (clip.turns, clip.root))
     times = round(HALF_MINUTE / clip.step)
@@ -163,16 +163,18 @@ def _long(clip: Clip) -> Clip:
     )
 
 
-def _acting() -> Project:
+def _load_acting_cactus() -> Project:
     """Returns the shipped cactus, with its take."""
     project = cactus_project()
     return play_take(project, "cactus", next(iter(project.takes)))
 
 
-def _measured(link: EdgeClient) -> Iterator[Figure]:
-    _until(link, lambda: (held := link.latest(CUES).get("chair")) is not None and held.state == "possessed")
+def _measure_laps(link: EdgeClient) -> Iterator[Figure]:
+    _run_until(
+        link, lambda: (held := link.latest(CUES).get("chair")) is not None and held.state == "possessed"
+    )
     link.take(POSE)
-    _until(link, lambda ends=time.monotonic() + QUIET: time.monotonic() > ends)
+    _run_until(link, lambda ends=time.monotonic() + QUIET: time.monotonic() > ends)
     usual = statistics.median(each.sensor_to_pose_ms for each in link.take(POSE))
     mesh = load_sample("chair")
     edge = 0.04
@@ -197,14 +199,14 @@ def _lap(link: EdgeClient, mesh) -> tuple[float, float]:
         seen.extend(link.take(POSE))
         return bool(seen) and seen[-1].character is not before
 
-    _until(link, shown)
+    _run_until(link, shown)
     took = time.perf_counter() - began
-    _until(link, lambda: answers)
+    _run_until(link, lambda: answers)
     assert answers == [Done()]
     return 1e3 * took, max(each.sensor_to_pose_ms for each in seen)
 
 
-def _until(link: EdgeClient, done) -> None:
+def _run_until(link: EdgeClient, done) -> None:
     end = time.monotonic() + PATIENCE
     while not done():
         assert time.monotonic() < end, "it never came"

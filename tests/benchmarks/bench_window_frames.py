@@ -31,15 +31,16 @@ def figures() -> Iterator[Figure]:
     """Yields window.frame_ms_10x20k, its 99th percentile, and its processor time in milliseconds."""
     ctx = create_offscreen_context()
     renderer = Renderer(ctx, SIZE)
-    texture = _texture()
-    crowd = [_character(f"tube {k}", k, texture) for k in range(CHARACTERS)]
+    texture = _make_texture()
+    crowd = [_make_character(f"tube {k}", k, texture) for k in range(CHARACTERS)]
     camera = OrbitCamera()
     box = np.array([-2.9, 0.0, -1.2]), np.array([2.9, 1.8, 1.2])
     camera.frame(box, SIZE[0] / SIZE[1], at_once=True)
     wall, busy = [], []
     for frame in range(FRAMES + 3):
         actors = tuple(
-            SceneCharacter(character, _pose(character, frame / 30 + k)) for k, character in enumerate(crowd)
+            SceneCharacter(character, _make_pose(character, frame / 30 + k))
+            for k, character in enumerate(crowd)
         )
         began, before = time.perf_counter(), time.process_time()
         renderer.draw(Scene(actors, (), PLAIN, extent=box), camera.view(SIZE[0] / SIZE[1]))
@@ -51,7 +52,7 @@ def figures() -> Iterator[Figure]:
     yield Figure("window.frame_cpu_ms_10x20k", float(np.median(busy[3:])), "ms")
 
 
-def _texture() -> Texture:
+def _make_texture() -> Texture:
     """Returns stripes and grain, so that every texel differs."""
     dice = np.random.default_rng(1)
     across = np.linspace(0, 40, TEXTURE)
@@ -62,7 +63,7 @@ def _texture() -> Texture:
     return Texture(np.frombuffer(data.getvalue(), np.uint8))
 
 
-def _character(name: str, number: int, texture: Texture) -> Character:
+def _make_character(name: str, number: int, texture: Texture) -> Character:
     """Returns a bumpy tube of a person's height with a chain of bones."""
     height, around = np.meshgrid(np.linspace(0, 1, ROWS), np.linspace(0, 2 * np.pi, COLUMNS), indexing="ij")
     radius = 0.2 * np.sin(np.pi * (0.04 + 0.92 * height)) * (1 + 0.12 * np.sin(5 * around + 9 * height))
@@ -97,7 +98,7 @@ def _character(name: str, number: int, texture: Texture) -> Character:
     )
 
 
-def _pose(one: Character, second: float) -> Pose:
+def _make_pose(one: Character, second: float) -> Pose:
     """Returns a pose in which the chain sways."""
     bend = 0.25 * np.sin(2 * second) * np.linspace(0, 1, BONES)
     c, s, zero = np.cos(bend), np.sin(bend), np.zeros(BONES)

@@ -38,17 +38,17 @@ def figures() -> Iterator[Figure]:
             _run(session, lambda: session.holders)
             extra = list[float]()
             for _ in range(TURNS):
-                before = statistics.median(_pictures(session))
+                before = statistics.median(_time_pictures(session))
                 session.recording.toggle()
                 _run(session, lambda: session.recording.phase == "recording")
-                extra.append(statistics.median(_pictures(session)) - before)
+                extra.append(statistics.median(_time_pictures(session)) - before)
                 session.recording.stop()
         finally:
             session.disconnect()
     yield Figure("window.record_overhead", 100 * statistics.median(extra) * RATE, "%")
 
 
-def _pictures(session: PerformSession) -> list[float]:
+def _time_pictures(session: PerformSession) -> list[float]:
     """Returns this thread's seconds for each frame while the project plays."""
     took, end = list[float](), time.monotonic() + SPAN
     while time.monotonic() < end:

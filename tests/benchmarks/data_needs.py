@@ -145,12 +145,12 @@ NEEDS: dict[str, tuple[Need, ...]] = {
 """The figures that need data, by benchmark. All other figures need only the data in this repository."""
 
 
-def missing_needs(benchmarks: Iterable[str]) -> list[Need]:
+def find_missing_needs(benchmarks: Iterable[str]) -> list[Need]:
     """Returns the needs of these benchmarks for data that are missing."""
     return [need for name in benchmarks for need in NEEDS.get(name, ()) if need.is_missing]
 
 
-def sources_table() -> str:
+def make_sources_table() -> str:
     """Returns a Markdown table of all sources and of the figures that need them."""
     uses: dict[Source, list[str]] = {}
     for name, needs in NEEDS.items():

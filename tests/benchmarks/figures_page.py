@@ -10,7 +10,7 @@ from collections.abc import Collection
 from datetime import date
 from pathlib import Path
 
-from data_needs import Need, missing_needs
+from data_needs import Need, find_missing_needs
 from figure import Figure
 
 PAGE = Path(__file__).parents[2] / "docs" / "figures.md"
@@ -18,7 +18,7 @@ DAY = Path(__file__).parents[2] / "out" / "bench_day.json"
 """File with today's results of this machine, by benchmark. Several calls may each measure a part."""
 
 
-def gathered(
+def gather_figures(
     benchmark: str, figures: list[Figure], machine: str, day: date, kept: Path = DAY
 ) -> dict[str, list[Figure]]:
     """Stores a benchmark's figures. Returns those of all benchmarks that this machine measured on this
@@ -37,19 +37,19 @@ def write_when_whole(of_day: dict[str, list[Figure]], known: Collection[str], pa
     missing = [name for name in known if name not in of_day]
     if not missing:
         figures = [figure for measured in of_day.values() for figure in measured]
-        needs = missing_needs(known)
-        text = written(page.read_text(encoding="utf-8"), figures, this_machine(), date.today(), needs)
+        needs = find_missing_needs(known)
+        text = make_page(page.read_text(encoding="utf-8"), figures, this_machine(), date.today(), needs)
         page.write_text(text, encoding="utf-8")
     return missing
 
 
-def written(page: str, figures: list[Figure], machine: str, day: date, needs: Collection[Need] = ()) -> str:
+def make_page(page: str, figures: list[Figure], machine: str, day: date, needs: Collection[Need] = ()) -> str:
     """Returns the page with the table of these figures instead of the previous table.
 
     Below the table are the data that the missing figures need.
     """
     rows = [
-        f"| `{figure.name}` | {figure.value:.4g} {figure.unit} | {_compared(figure)} |"
+        f"| `{figure.name}` | {figure.value:.4g} {figure.unit} | {_compare_figure(figure)} |"
         for figure in sorted(figures, key=lambda one: one.name)
     ]
     head = [
@@ -64,7 +64,7 @@ def written(page: str, figures: list[Figure], machine: str, day: date, needs: Co
     return re.sub("<!-- figures -->.*?<!-- end -->", lambda _: table, page, flags=re.DOTALL)
 
 
-def _compared(one: Figure) -> str:
+def _compare_figure(one: Figure) -> str:
     return "" if one.ratio is None else f"{one.ratio:.3g} times better than {one.peer}"
 
 

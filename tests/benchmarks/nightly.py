@@ -21,10 +21,10 @@ FUZZ_S = 600
 
 def rooms(headlines: Sequence[ratchet.Headline]) -> list[str]:
     """Returns the benchmarks that measure the figures, each once."""
-    return list(dict.fromkeys(ratchet.room_of(headline.name) for headline in headlines))
+    return list(dict.fromkeys(ratchet.find_benchmark(headline.name) for headline in headlines))
 
 
-def steps(update: bool, names: Sequence[str]) -> dict[str, list[str]]:
+def list_steps(update: bool, names: Sequence[str]) -> dict[str, list[str]]:
     """Returns the command of each step by its name."""
     benchmarks = {
         f"the benchmark {name}": [sys.executable, "tests/benchmarks/run.py", name] for name in names
@@ -42,7 +42,7 @@ def forget(path: Path, names: Sequence[str]) -> None:
     one.
     """
     if path.exists():
-        kept = [row for row in ratchet.read_list(path) if ratchet.room_of(row["name"]) not in names]
+        kept = [row for row in ratchet.read_list(path) if ratchet.find_benchmark(row["name"]) not in names]
         path.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 
 
@@ -64,7 +64,7 @@ def main(arguments: Sequence[str]) -> int:
     except ratchet.BadHeadlines as error:
         print(error, file=sys.stderr)
         return 2
-    commands = steps("--update" in arguments, names)
+    commands = list_steps("--update" in arguments, names)
     failed = run_all(commands, lambda command: subprocess.run(command, cwd=ROOT, check=False).returncode)
     print("\n".join(failed) or "nightly: all is well")
     return 1 if failed else 0

@@ -107,20 +107,20 @@ def read_headlines(path: Path) -> list[Headline]:
     return headlines
 
 
-def measured_in(path: Path) -> dict[str, float]:
+def read_measured(path: Path) -> dict[str, float]:
     """Returns the values of bench.json by name. A value that is missing or not a number is NaN."""
     rows = read_list(path)
     numbers = (int, float)
     return {row["name"]: row["value"] if isinstance(row.get("value"), numbers) else math.nan for row in rows}
 
 
-def complaints(headlines: Iterable[Headline], measured: Mapping[str, float]) -> list[str]:
+def find_complaints(headlines: Iterable[Headline], measured: Mapping[str, float]) -> list[str]:
     """Returns a sentence for each figure that got worse or was not measured."""
     sentences = []
     for headline in headlines:
         if headline.name not in measured:
             sentences.append(
-                f"{headline.name} was not measured. Run: make bench ONLY={room_of(headline.name)}."
+                f"{headline.name} was not measured. Run: make bench ONLY={find_benchmark(headline.name)}."
             )
         elif headline.is_worse(measured[headline.name]):
             value = measured[headline.name]
@@ -135,7 +135,7 @@ def complaints(headlines: Iterable[Headline], measured: Mapping[str, float]) -> 
     return sentences
 
 
-def improved(headlines: Iterable[Headline], measured: Mapping[str, float]) -> list[Headline]:
+def improve_figures(headlines: Iterable[Headline], measured: Mapping[str, float]) -> list[Headline]:
     """Returns the committed figures, updated with better values. Worse values change nothing."""
     return [
         replace(headline, value=measured[headline.name])
@@ -145,7 +145,7 @@ def improved(headlines: Iterable[Headline], measured: Mapping[str, float]) -> li
     ]
 
 
-def room_of(name: str) -> str:
+def find_benchmark(name: str) -> str:
     """Returns the benchmark that measures a figure, which is the first word of its name."""
     return name.split(".")[0]
 
@@ -158,14 +158,14 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--headlines", type=Path, default=HEADLINES, help="the committed figures")
     options = parser.parse_args(arguments)
     try:
-        headlines, measured = read_headlines(options.headlines), measured_in(options.measured)
+        headlines, measured = read_headlines(options.headlines), read_measured(options.measured)
     except BadHeadlines as error:
         print(error, file=sys.stderr)
         return 2
-    sentences = complaints(headlines, measured)
+    sentences = find_complaints(headlines, measured)
     for line in sentences:
         print(line)
-    better = improved(headlines, measured)
+    better = improve_figures(headlines, measured)
     changed = [new for new, old in zip(better, headlines, strict=True) if new != old]
     if options.update and changed:
         rows = ",\n".join(" " + json.dumps(asdict(headline)) for headline in better)

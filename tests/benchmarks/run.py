@@ -26,9 +26,9 @@ sys.path[:0] = [
     str(folder) for folder in (HERE, HELPERS, SCRIPTS, *sorted(HERE.iterdir())) if folder.is_dir()
 ]
 
-from data_needs import missing_needs  # noqa: E402
+from data_needs import find_missing_needs  # noqa: E402
 from figure import Figure  # noqa: E402
-from figures_page import PAGE, gathered, this_machine, write_when_whole  # noqa: E402
+from figures_page import PAGE, gather_figures, this_machine, write_when_whole  # noqa: E402
 
 # All figures are measured with the code of a release, and nothing compiles in the background.
 os.environ["ENLIVEN_NATIVE_KERNELS"] = "off"
@@ -51,9 +51,9 @@ def main(names: list[str]) -> int:
             print(figure, flush=True)
             _keep(figure)
             figures.append(figure)
-        for need in missing_needs([name]):
+        for need in find_missing_needs([name]):
             print(need, flush=True)
-        missing = write_when_whole(gathered(name, figures, this_machine(), date.today()), benchmarks)
+        missing = write_when_whole(gather_figures(name, figures, this_machine(), date.today()), benchmarks)
     message = f"not measured here today, so {PAGE.name} is as it was: {', '.join(missing)}"
     print(message if missing else f"{PAGE.name} is written", file=sys.stderr)
     return 0

@@ -108,7 +108,7 @@ def test_the_committed_figures_are_measured_by_benchmarks() -> None:
     assert len(headlines) > 20 and len({headline.name for headline in headlines}) == len(headlines)
     sources = "\n".join(path.read_text(encoding="utf-8") for path in HERE.rglob("*.py"))
     for headline in headlines:
-        assert (HERE / f"bench_{ratchet.room_of(headline.name)}.py").is_file(), headline.name
+        assert (HERE / f"bench_{ratchet.find_benchmark(headline.name)}.py").is_file(), headline.name
         assert headline.name.rsplit(".", 1)[1] in sources, headline.name
 
 
@@ -123,7 +123,7 @@ def test_a_night_forgets_older_figures_and_runs_each_step(tmp_path) -> None:
         ran.append(command)
         return 3 if command[:2] == ["make", "fuzz"] else 0
 
-    commands = nightly.steps(True, ["road"])
+    commands = nightly.list_steps(True, ["road"])
     failed = nightly.run_all(commands, run)
     assert ran == list(commands.values()) and ran[-1][-1] == "--update"
     assert failed == ["nightly: fuzzing failed with exit code 3: make fuzz SECONDS=600"]

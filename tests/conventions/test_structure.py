@@ -193,7 +193,7 @@ def test_architecture_page_is_current():
     import architecture
 
     page = architecture.PAGE.read_text(encoding="utf-8")
-    assert page == architecture.written(page), "run .venv/bin/python scripts/architecture.py"
+    assert page == architecture.make_page(page), "run .venv/bin/python scripts/architecture.py"
     assert page.count("<!-- end -->") == 9
 
 

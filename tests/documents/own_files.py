@@ -32,7 +32,7 @@ from enliven.motion.layers.evaluate import Player
 from enliven.person import Body
 from enliven.recording import Recorder, Recording
 from enliven.rotation import from_rotation_vector, rotate
-from enliven_edge.doctor import shipped_recording
+from enliven_edge.doctor import find_shipped_recording
 from enliven_edge.tracking.body_model.joint_limits import standing_pose
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
@@ -87,7 +87,7 @@ def _horse():
 
 
 def _write_recordings(folder: Path) -> None:
-    frames = [f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame)]
+    frames = [f for f in Recording(find_shipped_recording()).frames() if isinstance(f, DepthFrame)]
     for name in ("TAKE", "TWO", "WAVE"):
         with Recorder(folder / f"{name}.mcap") as recorder:
             for frame in itertools.islice(frames, FRAMES):
@@ -98,7 +98,7 @@ def _write_recordings(folder: Path) -> None:
         for frame in HandheldScan(box_mesh(box), load_profile("kinect1"), path, (floor,), width=320):
             recorder.write_frame(frame)
     project, shape = play_clip(Project(), *_horse())
-    poses = [Player(project, "horse").pose(k / 30) for k in range(FRAMES)]
+    poses = [Player(project, "horse").compute_message_pose(k / 30) for k in range(FRAMES)]
     poses = [replace(pose, time_ns=round(k / 30 * 1e9)) for k, pose in enumerate(poses)]
     write_recording(folder / "PERFORMANCE.mcap", [(character_of(shape), poses)])
     whole = (folder / "TAKE.mcap").read_bytes()

@@ -15,13 +15,13 @@ from figure import Figure  # noqa: E402
 
 def test_tables_of_the_health_page_are_current():
     page = health_tables.PAGE.read_text(encoding="utf-8")
-    assert page == health_tables.written(page), "run .venv/bin/python scripts/health_tables.py"
+    assert page == health_tables.make_page(page), "run .venv/bin/python scripts/health_tables.py"
     assert page.count("<!-- end -->") == 3 and "| `enliven_edge_up` | gauge | edge |" in page
 
 
 def test_settings_page_is_current():
     page = settings_page.PAGE.read_text(encoding="utf-8")
-    assert page == settings_page.written(page), "run .venv/bin/python scripts/settings_page.py"
+    assert page == settings_page.make_page(page), "run .venv/bin/python scripts/settings_page.py"
     assert page.count("<!-- end -->") == len(settings_page.KINDS)
     assert "| `full_rate` | `4` | 1 to 32 |" in page
 
@@ -37,27 +37,29 @@ def test_figures_page_needs_all_parts_from_one_machine_and_day(tmp_path):
     page.write_text("before <!-- figures --> old <!-- end --> after", encoding="utf-8")
     day, machine = date(2026, 11, 21), "two cores"
     late, frame = Figure("road.late", 7.0, "ms"), Figure("arap.frame", 3.6, "ms", "libigl", 7.5)
-    of_day = figures_page.gathered("road", [late], machine, day, day_file)
+    of_day = figures_page.gather_figures("road", [late], machine, day, day_file)
     assert figures_page.write_when_whole(of_day, parts, page) == ["arap"] and " old " in page.read_text()
-    of_day = figures_page.gathered("arap", [frame], machine, day, day_file)
+    of_day = figures_page.gather_figures("arap", [frame], machine, day, day_file)
     assert of_day == {"road": [late], "arap": [frame]}
     assert figures_page.write_when_whole(of_day, parts, page) == []
     assert "| `road.late` | 7 ms |" in page.read_text() and " old " not in page.read_text()
     for other in (("road", [late], "four cores", day), ("road", [late], machine, date(2026, 11, 22))):
-        assert figures_page.gathered(*other, day_file) == {"road": [late]}, "figures of two machines or days"
+        assert figures_page.gather_figures(*other, day_file) == {"road": [late]}, (
+            "figures of two machines or days"
+        )
 
 
 def test_a_whole_run_of_benchmarks_writes_the_table_of_figures():
     page = figures_page.PAGE.read_text(encoding="utf-8")
     figures = [Figure("road.late", 7.125, "ms"), Figure("arap.frame", 3.6, "ms", "libigl", 7.5)]
-    once = figures_page.written(page, figures, "two cores", date(2026, 11, 21))
+    once = figures_page.make_page(page, figures, "two cores", date(2026, 11, 21))
     assert "Measured on 2026-11-21 on two cores." in once
     rows = [line for line in once.splitlines() if line.startswith(("| `road.late", "| `arap.frame"))]
     assert rows == [
         "| `arap.frame` | 3.6 ms | 7.5 times better than libigl |",
         "| `road.late` | 7.125 ms |  |",
     ]
-    assert figures_page.written(once, figures, "two cores", date(2026, 11, 21)) == once
+    assert figures_page.make_page(once, figures, "two cores", date(2026, 11, 21)) == once
     before, _, after = page.partition("<!-- figures -->")
     assert once.startswith(before) and once.endswith(after.partition("<!-- end -->")[2])
     assert "cores of" in figures_page.this_machine()

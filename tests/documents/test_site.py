@@ -7,7 +7,7 @@ import re
 
 import pytest
 import site_hooks
-from site_hooks import ADDED, API, LINK, PICTURES, ROOT, api_page, exported, rewritten
+from site_hooks import ADDED, API, LINK, PICTURES, ROOT, list_exported, make_api_page, rewrite_link
 
 import enliven
 
@@ -49,16 +49,16 @@ def test_pages_from_outside_exist():
     ],
 )
 def test_links_are_rewritten_for_the_site(source, uri, link, expected):
-    assert rewritten(LINK.fullmatch(link), source, uri, Files()) == expected
+    assert rewrite_link(LINK.fullmatch(link), source, uri, Files()) == expected
 
 
 def test_the_api_page_has_every_public_name_with_its_module():
-    names = exported("enliven")
+    names = list_exported("enliven")
     assert set(names) >= set(enliven.__all__)
     for name in enliven.__all__:
         module = importlib.import_module(names[name])
         assert getattr(module, name) is getattr(enliven, name), name
-        assert f"::: {names[name]}.{name}\n" in api_page()
+        assert f"::: {names[name]}.{name}\n" in make_api_page()
 
 
 def test_roles_of_docstrings_become_code():

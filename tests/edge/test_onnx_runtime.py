@@ -12,7 +12,8 @@ from enliven_edge.onnx_runtime import remove_telemetry_files
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the files are those of Linux and macOS")
 LOADED_BEFORE = (
-    "import onnxruntime; from enliven_edge.tracking.estimator.estimator import shipped_estimator as s; s()"
+    "import onnxruntime; "
+    "from enliven_edge.tracking.estimator.estimator import load_shipped_estimator as s; s()"
 )
 DEVICE_ID = "0f2c6f1a-55d3-4f0e-9b0a-1d2e3f405162"
 

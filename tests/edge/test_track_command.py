@@ -16,7 +16,7 @@ from enliven.frames import BodyFrame
 from enliven.motion_clips.take_files import read_take
 from enliven.recording import Recorder, Recording
 from enliven_edge.commands.track import track, track_frames
-from enliven_edge.doctor import shipped_recording
+from enliven_edge.doctor import find_shipped_recording
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 
@@ -37,7 +37,7 @@ def run(*words) -> str:
 @pytest.fixture
 def depth(tmp_path):
     with Recorder(tmp_path / "depth.mcap") as recorder:
-        for frame in itertools.islice(Recording(shipped_recording()).frames(), FRAMES):
+        for frame in itertools.islice(Recording(find_shipped_recording()).frames(), FRAMES):
             recorder.write_frame(frame)
     return tmp_path / "depth.mcap"
 

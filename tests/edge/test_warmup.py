@@ -11,7 +11,7 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 from enliven.frames import DepthFrame
 from enliven.recording import Recording
-from enliven_edge.doctor import shipped_recording
+from enliven_edge.doctor import find_shipped_recording
 from enliven_edge.sensors.registry import open_sensor
 from enliven_edge.tracking.tracker import Tracker
 from enliven_edge.warmup import warm_up_tracking
@@ -26,7 +26,7 @@ def kernels():
 
 with open_sensor("synthetic") as sensor:
     live = [sensor.read(5.0) for _ in range(8)]
-recorded = [f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame)]
+recorded = [f for f in Recording(find_shipped_recording()).frames() if isinstance(f, DepthFrame)]
 cases = {
     "live": live,
     "recorded": recorded[:12],

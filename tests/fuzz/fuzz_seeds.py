@@ -196,7 +196,7 @@ def recording_index(data: bytes, other: bytes, dice: Random) -> bytes:
 def recording_chunk(data: bytes, other: bytes, dice: Random) -> bytes:
     """Returns a recording without an index. Its first chunk is repacked with mutated content."""
     try:
-        first = _first_chunk(data)
+        first = _read_first_chunk(data)
         chunk = Chunk.read(ReadDataStream(io.BytesIO(data[first + 9 :])))
         content = chunk.data
         if chunk.compression:
@@ -214,7 +214,7 @@ def recording_chunk(data: bytes, other: bytes, dice: Random) -> bytes:
     return data[:first] + struct.pack("<BQ", 6, len(body)) + body
 
 
-def _first_chunk(data: bytes) -> int:
+def _read_first_chunk(data: bytes) -> int:
     """Returns the position of the first chunk record."""
     at = 8
     while data[at] != 6:

@@ -94,7 +94,7 @@ class CageRig(RigEdits):
             stream = project.streams[layer.take]
             at = layer.moment(time, stream.duration)
             weight = 0.0 if layer.muted else at.weight
-            ways = [_way(stream, second) for second in (0.0, at.second, at.other)]
+            ways = [_compute_offsets(stream, second) for second in (0.0, at.second, at.other)]
             played = ways[1] + at.share * (ways[2] - ways[1])
             corners = corners + ways[0] + weight * (played - ways[0])
         return corners @ cage.linear.T + cage.place
@@ -102,10 +102,10 @@ class CageRig(RigEdits):
     def centre(self, cage: Cage) -> Float:
         return cage.linear @ cage.corners.mean(0) + cage.place
 
-    def seen(self, project: Project, cage: Cage, time: float) -> Float:
+    def compute_vertices(self, project: Project, cage: Cage, time: float) -> Float:
         return weights(cage.mesh.vertices, cage.corners) @ self.corners_at(project, cage, time)
 
-    def drawn(self, cage: Cage) -> Character:
+    def make_drawing(self, cage: Cage) -> Character:
         shares = weights(cage.mesh.vertices, cage.corners).astype(np.float32)
         skin = SkinWeights(np.tile(np.arange(4, dtype=np.uint16), (len(shares), 1)), shares)
         edges = np.array([(a, b) for a in range(4) for b in range(a)], np.int32)
@@ -127,21 +127,21 @@ class CageRig(RigEdits):
         bent[handle] += np.linalg.solve(cage.linear, place - self.corners_at(project, cage, time)[handle])
         return project.with_characters(cage.with_changes(bent=bent))
 
-    def moved(self, cage: Cage, offset: Float, turn: Float, about: Float) -> Cage:
-        return _mapped(cage, rotate(turn, np.eye(3)).T, about, about + offset)
+    def move(self, cage: Cage, offset: Float, turn: Float, about: Float) -> Cage:
+        return _map_cage(cage, rotate(turn, np.eye(3)).T, about, about + offset)
 
-    def scaled(self, cage: Cage, factor: float) -> Cage:
-        return _mapped(cage, factor * np.eye(3), self.centre(cage), self.centre(cage))
+    def scale(self, cage: Cage, factor: float) -> Cage:
+        return _map_cage(cage, factor * np.eye(3), self.centre(cage), self.centre(cage))
 
     def mirror(self, project: Project, cage: Cage, axes: Axes) -> Cage:
         inside_out = replace(cage.mesh, faces=np.ascontiguousarray(cage.mesh.faces[:, ::-1]))
-        mapped = _mapped(cage, axes.vectors(np.eye(3)).T, self.centre(cage), self.centre(cage))
+        mapped = _map_cage(cage, axes.vectors(np.eye(3)).T, self.centre(cage), self.centre(cage))
         return mapped.with_changes(mesh=inside_out)
 
     def convert_to_graph_shape(
         self, project: Project, cage: Cage, times: Float, stream_id: str
     ) -> tuple[GraphCharacter, PoseStream, str]:
-        drawn, player = self.drawn(cage), self.create_player(project, cage)
+        drawn, player = self.make_drawing(cage), self.create_player(project, cage)
         poses = [player(float(time)) for time in times]
         linear = np.array([posed.pose.linear for posed in poses], np.float64)
         moved = np.array([posed.handles for posed in poses])
@@ -153,26 +153,30 @@ class CageRig(RigEdits):
         self, project: Project, name: str, stroke: CutSurface, time: float, *, notes: list[str]
     ) -> tuple[Project, tuple[str, ...]]:
         cage = project.character(name, Cage)
-        cut = cut_by_stroke(cage.mesh, self.drawn(cage).skin, stroke, self.seen(project, cage, time))
+        cut = cut_by_stroke(
+            cage.mesh, self.make_drawing(cage).skin, stroke, self.compute_vertices(project, cage, time)
+        )
         far = unused(name, project.characters)
         notes.extend(cut.notes)
         parts = ((name, cut.near), (far, cut.far))
         cages = [cage.with_changes(id=piece_name, mesh=piece.mesh) for piece_name, piece in parts]
         return project.with_characters(*cages), (name, far)
 
-    def merged(self, project: Project, merge: Merge) -> Project:
+    def merge(self, project: Project, merge: Merge) -> Project:
         """Returns the project with the graft's mesh added to the host's cage at its current position. The
         mesh then moves with the cage.
         """
         host, graft = project.character(merge.host, Cage), project.character(merge.graft, Cage)
-        there = weights(self.seen(project, graft, merge.time), self.corners_at(project, host, merge.time))
+        there = weights(
+            self.compute_vertices(project, graft, merge.time), self.corners_at(project, host, merge.time)
+        )
         vertices = np.concatenate([host.mesh.vertices, there @ host.corners])
         faces = np.concatenate([host.mesh.faces, graft.mesh.faces + len(host.mesh.vertices)])
         mesh = Mesh(vertices, faces.astype(np.int32), host.mesh.name)
-        return project.without(graft.id).with_characters(host.with_changes(mesh=mesh))
+        return project.drop_character(graft.id).with_characters(host.with_changes(mesh=mesh))
 
 
-def _way(stream: PoseStream, second: float) -> Float:
+def _compute_offsets(stream: PoseStream, second: float) -> Float:
     """Returns (4, 3) metres, the offsets of a stream at a time."""
     frame = second / stream.step
     first = min(int(frame), len(stream.positions) - 2)
@@ -180,7 +184,7 @@ def _way(stream: PoseStream, second: float) -> Float:
     return np.asarray(before + (frame - first) * (after - before))
 
 
-def _mapped(cage: Cage, linear: Float, about: Float, to: Float) -> Cage:
+def _map_cage(cage: Cage, linear: Float, about: Float, to: Float) -> Cage:
     """Returns the cage transformed by x -> linear (x - about) + to."""
     return cage.with_changes(linear=linear @ cage.linear, place=linear @ (cage.place - about) + to)
 

@@ -42,7 +42,7 @@ class CageActor(Actor):
     """An actor for a cage whose corners follow performers' joints."""
 
     def __init__(self, project: Project, cage: Cage) -> None:
-        self.character = CageRig().drawn(cage)
+        self.character = CageRig().make_drawing(cage)
         self.holds: list[Grip] = []
         self.settings = CageSettings()
         self._linear = np.tile(cage.linear.astype(np.float32), (4, 1, 1))

@@ -26,12 +26,12 @@ def _surface_of_mesh(mesh: Mesh) -> Surface:
     return mesh.vertices, mesh.faces
 
 
-def _exported(path: Path) -> Surface:
+def _export(path: Path) -> Surface:
     exportable = find_exportables(path).items[0]
     return _surface_of_mesh(exportable.sample(0.0, 0.0, None, False, False).surface[0])
 
 
-def _on_stage(path: Path) -> Surface:
+def _put_on_stage(path: Path) -> Surface:
     project, name, _ = read_for_stage(str(path), "skeleton", None)
     return _surface_of_mesh(project.shape(name).mesh)
 
@@ -43,12 +43,12 @@ def _load_in_studio(path: Path) -> Surface:
     return _surface_of_mesh(character.mesh)
 
 
-def _possessed(path: Path) -> Surface:
+def _possess(path: Path) -> Surface:
     character = create_actor(str(path)).character
     return character.vertices, character.faces
 
 
-def _driven(path: Path) -> Surface:
+def _drive(path: Path) -> Surface:
     character = create_rig_actor(str(path)).character
     return character.vertices, character.faces
 
@@ -58,11 +58,11 @@ READERS: dict[str, Callable[[Path], Surface]] = {
     "possess": lambda path: _surface_of_mesh(load_upright(path).mesh),
     "retarget": lambda path: _surface_of_mesh(read_gltf(path).shape.mesh),
     "session": lambda path: _surface_of_mesh(load_session_mesh(MeshTable(path.name), path).mesh),
-    "export": _exported,
-    "stage": _on_stage,
+    "export": _export,
+    "stage": _put_on_stage,
     "studio": _load_in_studio,
-    "edge, by a graph": _possessed,
-    "edge, by its skeleton": _driven,
+    "edge, by a graph": _possess,
+    "edge, by its skeleton": _drive,
 }
 
 STILL = {"load_mesh", "possess", "session", "edge, by a graph"}

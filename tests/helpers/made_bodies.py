@@ -177,12 +177,12 @@ def walk(stride=0.5, heading=0.0, raised=0.0) -> Clip:
         bend = np.arccos((upper**2 + far**2 - lower**2) / (2 * upper * far))
         slope = np.arctan2(way[:, 2], -way[:, 1])
         beyond = np.arccos((upper**2 + lower**2 - far**2) / (2 * upper * lower)) - np.pi
-        turns[:, knee] = _about_x(-(slope + bend))
-        turns[:, ankle] = _about_x(-(slope + bend + beyond))
+        turns[:, knee] = _rotate_about_x(-(slope + bend))
+        turns[:, ankle] = _rotate_about_x(-(slope + bend + beyond))
     return rotate_clip(Clip("walk", skeleton, turns, root, 1 / 30), heading)
 
 
-def _about_x(angles):
+def _rotate_about_x(angles):
     return from_rotation_vector(np.stack([angles, 0 * angles, 0 * angles], 1))
 
 

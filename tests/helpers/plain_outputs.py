@@ -116,7 +116,7 @@ def unity_numbers(position, turn) -> list[float]:
 
 def plain_vmc(frame, source: str = "") -> dict[str, dict[str, list[float]]]:
     """Returns the VMC numbers of the bones and of the trackers, by name."""
-    human = frame.human(source)
+    human = frame.find_human(source)
     bones = {}
     if human is not None:
         for name, position, turn in zip(human.bones, *human.local(), strict=True):
@@ -133,7 +133,7 @@ def plain_rokoko(frame) -> dict:
     for human in frame.humans:
         body = {}
         for joint, bone, rest in zip(ROKOKO_JOINTS, ROKOKO_BONES, ROKOKO_T_POSE, strict=True):
-            number = human.bones.index(_existing(bone, human.bones))
+            number = human.bones.index(_find_existing(bone, human.bones))
             body[joint] = _placement(human.positions[number], multiply(human.turns[number], rest))
         heights = [joint["position"]["y"] for joint in body.values()]
         size = {
@@ -157,7 +157,7 @@ def plain_rokoko(frame) -> dict:
     return {"actors": actors, "characters": characters, "props": props}
 
 
-def _existing(bone: str, bones) -> str:
+def _find_existing(bone: str, bones) -> str:
     """Returns the bone that replaces a missing one."""
     while bone not in bones:
         side = "Left" if bone.startswith("Left") else "Right"

@@ -11,7 +11,7 @@ from scanning_edge import ScanningEdge
 
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
-from enliven.possession import Actor, standing_figure
+from enliven.possession import Actor, make_standing_figure
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.perform.session import PerformSession
 
@@ -65,7 +65,7 @@ class StagedSession:
 
 
 def person(x: float = 0.0, z: float = -2.5) -> Body:
-    return Body(1, standing_figure() + np.array([x, 0.0, z]), np.ones(20))
+    return Body(1, make_standing_figure() + np.array([x, 0.0, z]), np.ones(20))
 
 
 @contextmanager

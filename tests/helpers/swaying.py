@@ -11,7 +11,7 @@ from enliven.document import BodyTake, HoldChange, Project
 from enliven.oneshot.possession import possess
 from enliven.person import Body, Joint
 from enliven.possession import ActorSettings
-from enliven.possession.likeness.standing_person import standing_figure
+from enliven.possession.likeness.standing_person import make_standing_figure
 from enliven.rotation import from_rotation_vector, rotate
 
 STEP_NS = 33_333_333
@@ -26,7 +26,7 @@ _LIMBS = {
 def swaying(id: int, frame: int, seed: int = 0, place=(0.0, -2.5)) -> Body:
     """Returns a performer that steps back and forth, bows and swings the limbs, at 30 frames per second."""
     random, t = np.random.default_rng(seed + 7 * id), frame / 30
-    joints = standing_figure(1.7 + 0.05 * id)
+    joints = make_standing_figure(1.7 + 0.05 * id)
     for middle, ends in _LIMBS.items():
         turn = from_rotation_vector(0.6 * np.sin(3 * t + random.uniform(0, 6)) * random.normal(size=3))
         joints[list(ends)] = joints[middle] + rotate(turn, joints[list(ends)] - joints[middle])

@@ -116,7 +116,7 @@ def test_a_walk_is_shown_mirrored_left_to_right():
     assert plane is not None
     assert abs(np.dot(plane.normal, cast.MIDDLE.normal)) > 0.999
     assert abs(plane.point[0]) < 0.01
-    left, right = examples.point("left toes"), examples.point("right toes")
+    left, right = examples.find_point("left toes"), examples.find_point("right toes")
     np.testing.assert_allclose(examples.sources[0, left, 1:], examples.sources[2, right, 1:], atol=1e-3)
     np.testing.assert_allclose(examples.sources[0, left, 0], -examples.sources[2, right, 0], atol=1e-3)
 

@@ -93,7 +93,7 @@ def test_feet_are_level_where_the_anchor_changes():
     assert couplings and all(isinstance(coupling, Coupling) for coupling in couplings)
     places = mapping.solve(took.poses, took.step, couplings)
     for coupling in couplings:
-        a, b = examples.point(coupling.point), examples.point(coupling.other)
+        a, b = examples.find_point(coupling.point), examples.find_point(coupling.other)
         assert abs(places[coupling.frame, a, 1] - places[coupling.frame, b, 1]) < 1e-9
 
 

@@ -107,7 +107,9 @@ def test_faulty_clips_move_and_are_written_as_the_format_says(stem, tmp_path):
         for moment in np.unique(np.concatenate([keys, keys[1:] - 0.001])).tolist():
             seconds = moment - keys[0]
             expected = slow.vertices_at(number, moment)
-            shown = skin_vertices(character_of(shape), Player(project, shape.id).pose(seconds))
+            shown = skin_vertices(
+                character_of(shape), Player(project, shape.id).compute_message_pose(seconds)
+            )
             expected = expected[: len(shown)]
             np.testing.assert_allclose(shown, expected, atol=2e-3)
             np.testing.assert_allclose(again.vertices_at(0, seconds), expected, atol=2e-3)

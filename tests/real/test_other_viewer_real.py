@@ -51,7 +51,7 @@ def test_both_viewers_show_the_same(name: str, tmp_path: Path) -> None:
     assert run(["export", str(path), "-o", str(out), "-c", rig.clips[0].id]) == 0
     player, times = Player(project, shape.id), rig.clips[0].duration * np.array([0.0, 0.37, 0.8])
     begin = frame_times(GltfFile(path), 0)[0]
-    poses = [player.pose(second) for second in times]
+    poses = [player.compute_message_pose(second) for second in times]
     files = [(out.read_bytes(), times.tolist())]
     if len(rig.clips) == 1:  # three.js plays all animations of a file together
         files.append((path.read_bytes(), (times + begin).tolist()))

@@ -32,7 +32,7 @@ STRETCH = {
 
 @pytest.fixture(scope="module", params=STRETCH)
 def filmed(request) -> tuple[str, Measures]:
-    film = possess_films.real_films()[request.param]
+    film = possess_films.list_real_films()[request.param]
     frames, actor = film.made()
     return request.param, measure(perform(frames[: 30 * 6], actor, film.acts), 12)
 

@@ -15,7 +15,7 @@ import pytest
 
 from enliven.camera import LEVEL_WORLD_FROM_CAMERA
 from enliven.person import Joint
-from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings, find_ground, largest_part
+from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings, find_ground, find_largest_part
 from enliven_edge.importing.depth_images import OpenCvDepthReader
 from enliven_edge.importing.placed_images import PosedDepthReader
 from enliven_edge.scanning.person import PersonScanner
@@ -58,8 +58,8 @@ def test_real_turning_person_is_scanned_all_round():
     ahead = np.array([step.world_from_camera[:3, 2] for step in steps])
     turned = np.degrees(np.unwrap(np.arctan2(ahead[:, 0], ahead[:, 2])))
     assert 330 < abs(turned[-1] - turned[0]) < 360  # about 345, from the person's chest in the same recording
-    person = largest_part(scanner.surface())
-    assert person.area > 0.9 * scanner.surface().area
+    person = find_largest_part(scanner.extract_surface())
+    assert person.area > 0.9 * scanner.extract_surface().area
     # The mesh is a single part: a head, and shoulders of human width.
     assert 0.3 < np.ptp(person.vertices[:, 0]) < 0.8 and 0.5 < np.ptp(person.vertices[:, 1]) < 1.0
 
@@ -71,7 +71,7 @@ def test_real_person_is_separated_from_the_room_and_has_joints():
     scanner = PersonScanner(ScanSettings(volume=volume, least_depth=0.01))
     states = [scanner.add(frame).state for frame in frames]
     assert states.count(ScanState.SCANNING) >= 95 and not scanner.absent
-    person = scanner.person()
+    person = scanner.finish_person()
     width, height, _ = np.ptp(person.mesh.vertices, axis=0)
     assert 0.35 < width < 0.65 and 0.6 < height < 0.9 and person.mesh.bounds[0, 1] == 0.0
     shoulders = person.joints[[Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]]
@@ -84,5 +84,5 @@ def test_the_floor_of_the_kitchen_is_level():
     scanner, _, _ = scanned()
     down = np.loadtxt(KITCHEN / "gravity-direction.txt").reshape(-1)[:3]
     up = -LEVEL_WORLD_FROM_CAMERA[:3, :3] @ down / np.linalg.norm(down)
-    ground = find_ground(scanner.surface(), up)
+    ground = find_ground(scanner.extract_surface(), up)
     assert ground.normal @ up > np.cos(np.radians(4.0)) and ground.area > 0.3

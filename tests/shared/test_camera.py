@@ -36,7 +36,7 @@ def test_impossible_size_is_refused():
 
 def test_halving_keeps_the_corners_of_the_image():
     camera = Intrinsics(640, 480, 500.0, 510.0, 321.0, 242.0)
-    half = camera.scaled(0.5)
+    half = camera.scale(0.5)
     corner = np.array([[(-0.5 - camera.cx) / camera.fx, (-0.5 - camera.cy) / camera.fy, 1.0]])
     np.testing.assert_allclose(project(corner, half), [[-0.5, -0.5]])
 

@@ -26,8 +26,8 @@ COMMAND_THAT_STAYS = (
 """Runs a command and then keeps the process alive long enough for telemetry to report."""
 LIBRARY = """
 import sys, time
-from enliven_edge.tracking.estimator.estimator import shipped_estimator
-shipped_estimator()
+from enliven_edge.tracking.estimator.estimator import load_shipped_estimator
+load_shipped_estimator()
 time.sleep(float(sys.argv[1]))
 """
 OLD_BEHAVIOUR = """

@@ -24,7 +24,7 @@ def script(name: str):
 
 
 lock, audit = script("lock"), script("audit")
-EVERYWHERE = {f"{at['platform_machine']} {at['python_version']}": at for at in lock.environments()}
+EVERYWHERE = {f"{at['platform_machine']} {at['python_version']}": at for at in lock.list_environments()}
 WITHOUT_WHEEL = {"aarch64": {"3.12", "3.13", "3.14"}}
 """Python versions for which moderngl has no wheel, by machine type. setup.sh refuses them."""
 
@@ -45,10 +45,12 @@ def locked(kind: str, where: dict[str, str]) -> dict[str, str]:
 
 @pytest.mark.parametrize("where", EVERYWHERE.values(), ids=EVERYWHERE)
 def test_every_dependency_is_pinned(where) -> None:
-    pins = lock.pins()
-    asked = [*lock.requested_packages("dev"), *lock.requested_packages("peers")]
+    pins = lock.read_pins()
+    asked = [*lock.list_requested_packages("dev"), *lock.list_requested_packages("peers")]
     assert [
-        name for name in sorted(lock.required_packages(asked, where)) if not lock.parse_pin(pins, name, where)
+        name
+        for name in sorted(lock.list_required_packages(asked, where))
+        if not lock.parse_pin(pins, name, where)
     ] == []
     for requirement in map(Requirement, asked):
         if requirement.marker is None or requirement.marker.evaluate(where):
@@ -59,7 +61,7 @@ def test_every_dependency_is_pinned(where) -> None:
 @pytest.mark.parametrize("kind", ["run", "dev"])
 @pytest.mark.parametrize("where", EVERYWHERE.values(), ids=EVERYWHERE)
 def test_lock_file_installs_exactly_the_needed_packages(kind, where) -> None:
-    pins, names = lock.pins(), lock.required_packages(lock.requested_packages(kind), where)
+    pins, names = lock.read_pins(), lock.list_required_packages(lock.list_requested_packages(kind), where)
     if where["python_version"] in WITHOUT_WHEEL.get(where["platform_machine"], ()):
         names.discard("pocketsphinx")
         assert set(locked(kind, where)) - {"pocketsphinx"} == names
@@ -70,11 +72,11 @@ def test_lock_file_installs_exactly_the_needed_packages(kind, where) -> None:
 
 def test_installed_versions_match_the_pins() -> None:
     here = {key: str(value) for key, value in default_environment().items()}
-    pins = lock.pins()
-    for name in lock.required_packages(lock.requested_packages("dev"), here):
+    pins = lock.read_pins()
+    for name in lock.list_required_packages(lock.list_requested_packages("dev"), here):
         assert version(name) in lock.parse_pin(pins, name, here).specifier, name
-    for name in lock.required_packages(lock.requested_packages("peers"), here) - set(
-        lock.missing_packages(pins)
+    for name in lock.list_required_packages(lock.list_requested_packages("peers"), here) - set(
+        lock.list_missing_packages(pins)
     ):
         assert version(name) in lock.parse_pin(pins, name, here).specifier, name
 
@@ -107,8 +109,8 @@ def test_wheel_tag_fits_the_expected_environments(tag, places) -> None:
 
 
 def test_the_page_on_licences_names_every_library_that_a_wheel_bundles() -> None:
-    bundled = set(audit.bundled_libraries(audit.site_packages()))
-    assert len(bundled) > 10 and bundled - audit.documented_libraries() == set()
+    bundled = set(audit.list_bundled_libraries(audit.find_site_packages()))
+    assert len(bundled) > 10 and bundled - audit.list_documented_libraries() == set()
 
 
 @pytest.mark.parametrize(
@@ -125,7 +127,7 @@ def test_the_page_on_licences_names_every_library_that_a_wheel_bundles() -> None
 def test_a_bundled_library_is_known_by_its_name(file, name, tmp_path) -> None:
     (tmp_path / "some.libs").mkdir()
     (tmp_path / "some.libs" / file).touch()
-    assert list(audit.bundled_libraries(tmp_path)) == [name]
+    assert list(audit.list_bundled_libraries(tmp_path)) == [name]
 
 
 @pytest.mark.parametrize(
@@ -151,12 +153,12 @@ def test_a_release_that_could_not_be_looked_up_does_not_pass() -> None:
         {"name": "known", "version": "1", "vulns": []},
         {"name": "private", "version": "2", "skip_reason": "Dependency not found on PyPI"},
     ]
-    (sentence,) = audit.unchecked(audited, ["unasked==3"], "pip-audit failed: no network")
+    (sentence,) = audit.describe_unchecked(audited, ["unasked==3"], "pip-audit failed: no network")
     assert "2 releases were not checked" in sentence and "private, unasked" in sentence
     assert "known" not in sentence and "no network" in sentence and "--offline" in sentence
-    assert audit.unchecked(audited[:1], [], "") == []
+    assert audit.describe_unchecked(audited[:1], [], "") == []
     flaw = {"id": "PYSEC-1", "fix_versions": ["2"]}
-    assert audit.flaws([audited[0], {"name": "b", "version": "1", "vulns": [flaw]}]) == [
+    assert audit.find_flaws([audited[0], {"name": "b", "version": "1", "vulns": [flaw]}]) == [
         "b 1: PYSEC-1, fixed in 2"
     ]
 
@@ -170,7 +172,7 @@ def test_pip_audit_without_an_answer_does_not_pass(monkeypatch, capsys) -> None:
 
 
 def test_audit_without_a_network_reports_its_omissions(monkeypatch, capsys) -> None:
-    for part in ("licences", "bundled_libraries", "telemetry"):
+    for part in ("licences", "list_bundled_libraries", "telemetry"):
         monkeypatch.setattr(audit, part, lambda *_: [])
     monkeypatch.setattr(audit, "vulnerabilities", lambda: ["numpy was not checked"])
     for arguments, code in (([], 1), (["--offline"], 0)):

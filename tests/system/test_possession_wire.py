@@ -85,7 +85,7 @@ class House:
 
     @property
     def cues(self):
-        moment = self.document.timeline.at(self.document.timeline.end_ns)
+        moment = self.document.timeline.find_moment(self.document.timeline.end_ns)
         return moment.cues.get("chair") if moment else None
 
     @property

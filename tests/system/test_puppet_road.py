@@ -159,7 +159,9 @@ def test_late_viewer_sees_the_moving_puppet(house: House) -> None:
         feed.poll(late)
         if not (late.characters and len(late.timeline)):
             return 0.0
-        (actor,) = make_scene(late, late.timeline.at(late.timeline.end_ns), house.live.style, surfaces).actors
+        (actor,) = make_scene(
+            late, late.timeline.find_moment(late.timeline.end_ns), house.live.style, surfaces
+        ).actors
         return 0.0 if actor.vertices is None else float(actor.vertices[PUPPET.points[LEFT - 1].vertex, 1])
 
     house.until(lambda: hand() > 1.05)
@@ -223,7 +225,7 @@ def test_take_plays_back_unchanged_and_opens_in_the_studio(road: Path) -> None:
     held = np.asarray(character.held)
     for pose in poses[40::12]:
         (actor,) = make_scene(
-            document, document.timeline.at(pose.time_ns), LiveStage(feed, document).style, surfaces
+            document, document.timeline.find_moment(pose.time_ns), LiveStage(feed, document).style, surfaces
         ).actors
         assert actor.vertices is not None
         np.testing.assert_allclose(actor.vertices[held], pose.positions[1:], atol=2e-3)

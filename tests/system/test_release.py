@@ -88,8 +88,8 @@ def test_compiled_kernels_go_into_a_wheel_of_their_platform(tmp_path):
         release.build_wheel("kernels", tmp_path / name, **words)
     (filled,), (empty,) = (tmp_path / "filled").iterdir(), (tmp_path / "empty").iterdir()
     files = {"enliven_kernels/__init__.py", "enliven_kernels/kernels/step-0123.kernel"}
-    assert release.wheel_files(filled) == files
-    assert release.wheel_files(empty) == {"enliven_kernels/__init__.py"}
+    assert release.list_wheel_files(filled) == files
+    assert release.list_wheel_files(empty) == {"enliven_kernels/__init__.py"}
     version = f"cp{sys.version_info.major}{sys.version_info.minor}"
     assert f"-{version}-{version}-" in filled.name, "byte code differs between versions of Python"
     assert platform.machine() in filled.name

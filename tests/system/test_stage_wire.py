@@ -122,7 +122,7 @@ def test_take_records_adding_changing_and_removing_a_character(edge: StagedEdge)
         while take.poll(document):
             pass
     for message, high in zip(messages, (1.0, 1.05, 1.05, 1.05), strict=True):
-        moment = document.timeline.at(document.timeline.neighbour(message.time_ns, 1))
+        moment = document.timeline.find_moment(document.timeline.neighbour(message.time_ns, 1))
         assert moment is not None and set(moment.poses) == {
             character.character for character in message.characters
         }

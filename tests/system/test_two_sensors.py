@@ -15,7 +15,7 @@ from enliven.cli import run
 from enliven.recording import Recorder, Recording
 from enliven.space.rigid_transform import angle_between, invert, transform_points
 from enliven.space.space_file import load_space
-from enliven_edge.doctor import shipped_recording
+from enliven_edge.doctor import find_shipped_recording
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
 from enliven_edge.fusion.live.merge import settings_before_fusion
 from enliven_edge.sensors.replay import ReplaySensor
@@ -163,7 +163,7 @@ def test_a_failed_calibration_loses_no_file(takes, space, tmp_path, capsys):
 def test_recording_given_twice_is_refused(tmp_path, monkeypatch, capsys, second):
     """The same recording for both sensors would agree perfectly, so a wrong sensor pose would be accepted."""
     monkeypatch.chdir(tmp_path)
-    recording = shipped_recording()
+    recording = find_shipped_recording()
     (tmp_path / "link.mcap").symlink_to(recording)
     (tmp_path / "copy.mcap").write_bytes(recording.read_bytes())
     assert run(["calibrate", str(recording), second.format(recording), "-o", "space.toml"]) == 3

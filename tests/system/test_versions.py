@@ -27,7 +27,7 @@ from enliven.motion_clips.tracked_people import read_recorded_clips
 from enliven.recording import Recorder, Recording, recover, schemas
 from enliven.settings import load_settings
 from enliven.space.space_file import load_space, save_space
-from enliven_edge.doctor import shipped_recording
+from enliven_edge.doctor import find_shipped_recording
 from enliven_edge.sensors.stereo.calibration import load_calibration, save_calibration
 from enliven_edge.settings import EdgeSettings
 from enliven_viewer.settings import ViewerSettings
@@ -77,7 +77,7 @@ def test_a_performance_of_0_1_is_edited_and_retargeted(stored):
 
 
 def test_a_depth_recording_of_0_1_is_read():
-    recording = Recording(shipped_recording())
+    recording = Recording(find_shipped_recording())
     assert recording._container.library == "enliven 0.1.0"
     assert isinstance(next(iter(recording.frames())), DepthFrame)
 
@@ -153,7 +153,7 @@ def later_recording(request, tmp_path, monkeypatch) -> Path:
     with monkeypatch.context() as patch:
         patch.setattr("enliven.recording.recorder.__version__", "0.9.0")
         patch.setitem(schemas.ABOUT, schemas.VERSION_KEY, "2")
-        frame = next(iter(Recording(shipped_recording()).frames()))
+        frame = next(iter(Recording(find_shipped_recording()).frames()))
         with Recorder(path) as recorder:
             for _ in range(3):
                 recorder.write_frame(frame)

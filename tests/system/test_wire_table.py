@@ -107,7 +107,7 @@ def test_new_message_is_sent_recorded_latched_and_on_the_timeline(wind: Topic, t
         feed, document = EdgeFeed(EdgeClient([outlet.publisher.endpoint])), Document()
 
         def shown() -> object:
-            moment = document.timeline.at(STEP)
+            moment = document.timeline.find_moment(STEP)
             return moment is not None and moment.others.get("wind")
 
         until(shown, lambda: feed.poll(document), outlet.publisher.poll)
@@ -117,7 +117,7 @@ def test_new_message_is_sent_recorded_latched_and_on_the_timeline(wind: Topic, t
     replayed, take = Document(), TakeFeed(tmp_path / "wind.mcap")
     while take.poll(replayed):
         pass
-    moment = replayed.timeline.at(STEP)
+    moment = replayed.timeline.find_moment(STEP)
     assert moment is not None and moment.others["wind"] == {"": WindMessage(STEP, 3.5)}
     assert take.unreadable == 0 and list(moment.poses) == ["box"]
 
@@ -219,7 +219,7 @@ def test_a_stored_take_of_two_characters_is_read(tmp_path: Path) -> None:
             pass
         assert list(document.characters) == ["left", "right"] and len(document.timeline) == 30
         for frame in range(30):
-            moment = document.timeline.at(frame * STEP)
+            moment = document.timeline.find_moment(frame * STEP)
             assert moment is not None and set(moment.poses) == ({"left"} if frame < 10 else {"left", "right"})
             for name, pose in moment.poses.items():
                 np.testing.assert_allclose(pose.positions, placed(name, frame).positions, atol=5e-4)

@@ -67,7 +67,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
             places.add(tuple(tops))
 
     def click(name: str) -> None:
-        until(lambda: not scan.lacks_stage(), "an edge that is heard")
+        until(lambda: not scan.describe_missing_stage(), "an edge that is heard")
         workspace.drawn.set_targets((name,))
         ctx.yield_(3)
         workspace.drawn.set_targets(())

@@ -24,7 +24,7 @@ from made_acting_stage import acting_stage
 
 from enliven.document import RiggedCharacter
 from enliven.exporters import exporter_of, sample_performance
-from enliven.mapping.model_clips import played_clip
+from enliven.mapping.model_clips import find_played_clip
 from enliven.sounds import SOUND_RATE, Sound
 from enliven_viewer.studio.features.sound.sound_reader import read_sound
 from enliven_viewer.studio.window.window import StudioWindow
@@ -78,13 +78,13 @@ def choose_clip(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> Non
     editor = window.workspace.editor
     dropped = editor.find_selected(RiggedCharacter)
     assert dropped is not None
-    report["clip"] = [played_clip(editor.project, dropped)]
+    report["clip"] = [find_played_clip(editor.project, dropped)]
     for name in ("no clip", str(report["clip"][0])):
         ctx.item_click("//side/##clip")
         ctx.yield_(2)
         ctx.item_click(f"//$FOCUSED/###clip {name}")
         ctx.yield_(2)
-        report["clip"].append(played_clip(editor.project, editor.project.shape(dropped.id)))
+        report["clip"].append(find_played_clip(editor.project, editor.project.shape(dropped.id)))
 
 
 def save(ctx: imgui.test_engine.TestContext, key: int, name: str = "") -> None:
@@ -113,7 +113,7 @@ def film(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     tone = (20_000 * np.sin(np.arange(SOUND_RATE) * 2 * np.pi * 440 / SOUND_RATE)).astype(np.int16)
     workspace.editor.edit("a sound", lambda project: project.with_sounds(Sound("tone", tone)))
     for name in ("star", "post"):
-        workspace.editor.edit("delete", lambda project, name=name: project.without(name))
+        workspace.editor.edit("delete", lambda project, name=name: project.drop_character(name))
     ctx.menu_click(menu_path("File/Film..."))
     ctx.yield_(3)
     ctx.key_press(imgui.Key.enter)

@@ -162,7 +162,7 @@ def characters_come(ctx, window, until, places) -> list[object]:
     for name in ("visitor", "arm"):
         perform.remove_from_stage(name)
     until(lambda: perform.stage_ids == ("chair",), "the chair alone")
-    workspace.editor.edit("remove", lambda project: project.without("arm"))
+    workspace.editor.edit("remove", lambda project: project.drop_character("arm"))
     return [*seen, places(())]
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands.terminal import facts_table, plain_console, print_line
+from enliven.commands.terminal import facts_table, make_plain_console, print_line
 from enliven.errors import InputError, ResourceError
 
 if TYPE_CHECKING:
@@ -211,7 +211,7 @@ def _record_pairs(
 
 def _print_quality(judgement: CalibrationQuality) -> None:
     advice = [("to do", sentence) for sentence in judgement.advice]
-    plain_console().print(facts_table([("calibration", judgement.verdict), *judgement.facts, *advice]))
+    make_plain_console().print(facts_table([("calibration", judgement.verdict), *judgement.facts, *advice]))
 
 
 def _parse_size(text: str, where: str) -> tuple[int, int]:

@@ -418,7 +418,7 @@ def _select_sources(
 
     Without any, returns the sources of the settings, or else the shipped recording.
     """
-    from enliven_edge.doctor import shipped_recording
+    from enliven_edge.doctor import find_shipped_recording
     from enliven_edge.sensors import sensor_options
     from enliven_edge.sources import parse_source, sources_from_settings
 
@@ -428,7 +428,7 @@ def _select_sources(
     names = [*sensors, *recordings]
     if not names and edge_settings.sensors:
         return sources_from_settings(edge_settings.sensors, folder)
-    names = names or [str(shipped_recording())]
+    names = names or [str(find_shipped_recording())]
     return [parse_source(name, sensor_options(options), replay) for name in names]
 
 

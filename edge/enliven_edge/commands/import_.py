@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from enliven.commands.terminal import plain_console, plain_text, print_line
+from enliven.commands.terminal import make_plain_console, make_plain_text, print_line
 from enliven.errors import InputError
 from enliven_edge.commands.image_options import LensOption, UnitsOption
 from enliven_edge.commands.progress import write_recording
@@ -58,7 +58,7 @@ def import_recording(
     from enliven_edge.importing.mirror import mirror_frames
     from enliven_edge.importing.registry import find_files, find_reader
 
-    console = plain_console()
+    console = make_plain_console()
     if list_readers:
         console.print(_reader_table())
         return
@@ -100,5 +100,5 @@ def _reader_table() -> Table:
 
     table = Table("reader", "layout", "note")
     for reader in readers().values():
-        table.add_row(*map(plain_text, (reader.name, reader.description, reader.note)))
+        table.add_row(*map(make_plain_text, (reader.name, reader.description, reader.note)))
     return table

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.progress import track
 
-from enliven.commands.terminal import facts_table, plain_console, print_line
+from enliven.commands.terminal import facts_table, make_plain_console, print_line
 from enliven.errors import InputError
 from enliven.files import require_folder, write_picture
 
@@ -68,7 +68,7 @@ def inspect(
         rate, count = _measure_rate(source, count), min(count, frames or count)
         _write_film(source, log, output, sheet, width, (rate, rate / slow), count)
         print_line(f"{output}: {count} frames at {rate / slow:.3g} frames per second")
-    plain_console().print(facts_table(log.facts()))
+    make_plain_console().print(facts_table(log.facts()))
 
 
 def _write_film(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Self
 
 from enliven.commands.terminal import print_line, progress_lines
 from enliven.document import unused
-from enliven.kernel_cache.compiling import on_compilation
+from enliven.kernel_cache.compiling import watch_compilation
 from enliven.kernel_cache.store import user_folder
 from enliven.wire import posecode
 from enliven_edge.stage.character_setup import create_actor, default_parts, make_character_id
@@ -88,7 +88,7 @@ class TrackerCompilation:
 
     def __enter__(self) -> Self:
         if user_folder() is not None and (os.cpu_count() or 1) > 1:
-            self._subscriptions.enter_context(on_compilation(self._start))
+            self._subscriptions.enter_context(watch_compilation(self._start))
         return self
 
     def _start(self, compiled: int) -> None:
@@ -125,12 +125,12 @@ def _show_steps(first_step: str, total: int) -> Iterator[Callable[[str], None]]:
     printed at the first compiled kernel, so that a log explains the wait.
     """
     if not sys.stderr.isatty():
-        with on_compilation(_print_note_once):
+        with watch_compilation(_print_note_once):
             yield lambda step: None
         return
     with progress_lines("{task.description}", "{task.fields[kernels]}", bar=True) as progress:
         task = progress.add_task(first_step, total=total, kernels="")
-        with on_compilation(lambda count: progress.update(task, kernels=f"{count + 1} kernels compiled")):
+        with watch_compilation(lambda count: progress.update(task, kernels=f"{count + 1} kernels compiled")):
             yield lambda step: progress.update(task, advance=1, description=step)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands.terminal import plain_console, print_line
+from enliven.commands.terminal import make_plain_console, print_line
 from enliven.errors import InputError
 from enliven_edge.commands.progress import frame_progress, interruptible
 
@@ -67,7 +67,7 @@ def record(
     from enliven_edge.recording.settings import RecordingSettings, settings_with_options
     from enliven_edge.sensors import open_reopening, sensor_opener, sensor_options
 
-    console = plain_console()
+    console = make_plain_console()
     settings = settings_with_options(RecordingSettings(), part_minutes, keep_free)
     with (
         open_reopening(sensor_opener(sensor, every_frame=True, **sensor_options(setting or []))) as stream,
@@ -111,19 +111,19 @@ def record_stream(
             continue
         except (SensorFault, InputError) as error:
             log.warning("%s", error)
-            event_log.failed(error)
+            event_log.write_error(error)
             continue
         if frame is None:
             return
         if flaw := find_flaw(frame):
             log.warning("%s: skipped a frame: %s", stream.name, flaw)
-            event_log.failed(InputError(flaw, where=stream.name))
+            event_log.write_error(InputError(flaw, where=stream.name))
             continue
         first_ns = frame.time_ns if first_ns is None else first_ns
         if seconds is not None and frame.time_ns - first_ns >= seconds * 1e9:
             return
         try:
-            event_log.frame(frame, stream.condition())
+            event_log.write_frame(frame, stream.condition())
         except InputError as error:
             log.warning("skipped a frame: %s", error)
             continue

@@ -11,7 +11,7 @@ from threading import Event
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.commands.terminal import plain_console, print_line
+from enliven.commands.terminal import make_plain_console, print_line
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven.scanning import (
@@ -25,11 +25,16 @@ from enliven.scanning import (
 )
 from enliven.scanning.objects.moved_scanner import MovedScanner
 from enliven_edge.commands.progress import frame_progress, interruptible
-from enliven_edge.scanning.kept_scans import check_registered, load_first_part, store_scan, stored_scan_path
+from enliven_edge.scanning.kept_scans import (
+    check_registered,
+    find_stored_scan_path,
+    load_first_part,
+    store_scan,
+)
 from enliven_edge.scanning.object_messages import describe_objects
 from enliven_edge.scanning.scan_log import ScanLog
 from enliven_edge.scanning.scan_mesh import KeptPart, ScannedMesh, finish_scan, write_scan
-from enliven_edge.scanning.sources import recorded_images, sensor_images
+from enliven_edge.scanning.sources import read_recorded_images, sensor_images
 
 
 def create_scanner(voxel: float, reach: float, within: float | None, memory: int, thing: int = 1) -> Scanner:
@@ -106,8 +111,8 @@ def refuse_combination(
         ("--add", add),
         ("--within", within),
     )
-    for other, given in options:
-        if given:
+    for other, is_given in options:
+        if is_given:
             remedy = "Leave one of them out."
             raise InputError(f"{name} and {other} cannot be used together", where="scan", remedy=remedy)
 
@@ -156,7 +161,9 @@ class ScanJob:
         except InputError as error:
             if self.recording is not None or not self._keep_images(output, 0):
                 raise
-            hint = f"The images were saved. To scan them again, use --recording {stored_scan_path(output)}."
+            hint = (
+                f"The images were saved. To scan them again, use --recording {find_stored_scan_path(output)}."
+            )
             raise InputError(error.what, where=error.where, remedy=f"{error.remedy} {hint}") from None
         if self.keeps_images:
             self._keep_images(output, earlier_count if keep.what == "new" else 0)
@@ -184,7 +191,7 @@ class ScanJob:
 
     def _scan(self) -> int:
         """Fuses all images. Returns the number of images that come from an earlier scan."""
-        with interruptible() as stop, frame_progress(plain_console()) as progress:
+        with interruptible() as stop, frame_progress(make_plain_console()) as progress:
             task, earlier_count = progress.add_task("Scanning", total=None, count=0), 0
             if self.first is not None and isinstance(self.scanner, Scanner):
                 earlier_count = load_first_part(self.scanner, self.first, stop)
@@ -202,7 +209,7 @@ class ScanJob:
 
     def _images(self, stop: Event) -> Iterator[DepthFrame]:
         if self.recording is not None:
-            return recorded_images(self.recording, stop)
+            return read_recorded_images(self.recording, stop)
         return sensor_images(self.sensor, self.options, stop)
 
     def _start_time_limit(self) -> Callable[[DepthFrame], bool]:
@@ -220,7 +227,7 @@ class ScanJob:
     def _keep_images(self, output: Path, since: int) -> bool:
         """Stores the images next to the mesh. Returns True if images were stored."""
         try:
-            store_scan(self.scanner, stored_scan_path(output), since)
+            store_scan(self.scanner, find_stored_scan_path(output), since)
         except ResourceError as error:
             self._notes.append(f"The images were not saved, so --add cannot extend this scan ({error.what}).")
             return False

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands.terminal import facts_table, plain_console, print_line
+from enliven.commands.terminal import facts_table, make_plain_console, print_line
 from enliven.errors import InputError, ResourceError
 from enliven.files import write_picture
 
@@ -65,7 +65,7 @@ def sensors(
     """
     # Print without styles. Otherwise Rich would interpret the brackets of an extra in a pip command as a
     # style.
-    console = plain_console()
+    console = make_plain_console()
     if as_json:
         import msgspec
 

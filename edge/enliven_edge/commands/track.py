@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands.terminal import plain_console, print_line
+from enliven.commands.terminal import make_plain_console, print_line
 from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_edge.commands.image_options import LensOption, UnitsOption
@@ -61,7 +61,7 @@ def track(
         task="Tracking",
         facts=("track", {"recording": recording.name}),
         empty=InputError("none of the images can be read", where=str(recording), remedy="Record again."),
-        console=plain_console(),
+        console=make_plain_console(),
         overwrite=overwrite,
     )
     print_line(f"{output}: {contents.summary}")
@@ -89,7 +89,7 @@ def _open_recording(path: Path) -> tuple[Iterable[Frame], int]:
 
     source = Recording(path)
     if DEPTH_TOPIC not in source.info.topics:
-        raise _no_depth_error(path)
+        raise _make_no_depth_error(path)
     return source.frames(), source.info.topics[DEPTH_TOPIC].count
 
 
@@ -115,7 +115,7 @@ def _open_images(path: Path, lens: str | None, units_per_metre: float | None) ->
     frames = iter(reader.read(paths, options))
     first = next(frames, None)
     if not isinstance(first, DepthFrame):
-        raise _no_depth_error(path)
+        raise _make_no_depth_error(path)
     camera = first.intrinsics
     print_line(
         f"Read as {reader.name}, sensor {first.sensor}: fx {camera.fx:.1f}, fy {camera.fy:.1f}, "
@@ -126,7 +126,7 @@ def _open_images(path: Path, lens: str | None, units_per_metre: float | None) ->
     return chain([first], frames), len(paths)
 
 
-def _no_depth_error(path: Path) -> InputError:
+def _make_no_depth_error(path: Path) -> InputError:
     remedy = "Choose a recording of a depth camera. A recording of bodies is already a take."
     return InputError("the recording has no depth images", where=str(path), remedy=remedy)
 

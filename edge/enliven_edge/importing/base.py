@@ -20,7 +20,7 @@ _MAX_TEXT_BYTES = 1 << 28
 """Maximum bytes of a text file: an hour of 25 joints as decimal numbers has some 30 million."""
 
 
-def _ignore_note(sentence: str) -> None:
+def _make_ignore_note(sentence: str) -> None:
     """Ignores a note. It is the default of :attr:`ImportOptions.note`."""
 
 
@@ -43,7 +43,7 @@ class ImportOptions:
     device: str | None = None
     lens: tuple[float, float, float, float] | None = None
     units_per_metre: float | None = None
-    note: Callable[[str], None] = _ignore_note
+    note: Callable[[str], None] = _make_ignore_note
 
     def times_ns(self, usual_fps: float) -> Iterator[int]:
         """Yields evenly spaced times in nanoseconds from 0, for files without times."""

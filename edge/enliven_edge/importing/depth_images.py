@@ -24,8 +24,8 @@ from enliven_edge.importing.base import (
 from enliven_edge.importing.depth_sequences import (
     detect_unit,
     find_depth_series,
+    list_timed_images,
     read_millimetres,
-    timed_images,
 )
 from enliven_edge.importing.images import (
     KINECT1,
@@ -61,7 +61,7 @@ class OpenCvDepthReader(Reader):
         if not images:
             raise InputError(f"no file name ends in {_SUFFIX}", where=str(paths[0]))
         unit = detect_unit(images[0], options)
-        for path, time_ns in timed_images(images, options):
+        for path, time_ns in list_timed_images(images, options):
             depth = read_millimetres(path, unit)
             camera = read_camera(_camera_file(path), depth.shape[1], depth.shape[0])
             colour = read_colour(path.with_name(path.name.removesuffix(_SUFFIX) + ".jpg"))
@@ -110,17 +110,17 @@ class RawKinectReader(Reader):
     )
 
     def can_read(self, paths: Sequence[Path]) -> bool:
-        images = _raw_images(paths)
+        images = _read_raw_images(paths)
         return bool(images) and _are_distances(np.frombuffer(read_file(images[0]), "<u2"))
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
-        images = _raw_images(paths) or list(paths)
+        images = _read_raw_images(paths) or list(paths)
         for path, time_ns in zip(images, options.times_ns(30.0), strict=False):
             name, camera = _choose_camera(path, KINECT1.width, KINECT1.height, options)
             yield DepthFrame(_read_raw(path), camera, time_ns, name)
 
 
-def _raw_images(paths: Sequence[Path]) -> list[Path]:
+def _read_raw_images(paths: Sequence[Path]) -> list[Path]:
     sized_paths = (path for path in paths if path.is_file() and path.stat().st_size == _BYTES)
     return sorted(sized_paths, key=natural_order)
 
@@ -162,7 +162,7 @@ class PlainDepthReader(Reader):
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
         images = find_depth_series(paths) or list(paths)
         unit = detect_unit(images[0], options)
-        for path, time_ns in timed_images(images, options):
+        for path, time_ns in list_timed_images(images, options):
             depth = read_millimetres(path, unit)
             name, camera = _choose_camera(path, depth.shape[1], depth.shape[0], options)
             yield DepthFrame(depth, camera, time_ns, name)

@@ -100,7 +100,9 @@ def find_depth_series(paths: Iterable[Path]) -> list[Path]:
     return sorted((path for images in depth_files for path in images), key=natural_order)
 
 
-def usable_images(timed: Iterable[tuple[Path, int]], options: ImportOptions) -> Iterator[tuple[Path, int]]:
+def list_usable_images(
+    timed: Iterable[tuple[Path, int]], options: ImportOptions
+) -> Iterator[tuple[Path, int]]:
     """Yields the images that contain depth with their times in nanoseconds.
 
     Other images are reported by name and leave a gap in time.
@@ -147,8 +149,9 @@ def read_millimetres(path: Path, unit: DepthUnit) -> UInt16:
     return unit.millimetres(read_depth_png(path))
 
 
-def timed_images(
+def list_timed_images(
     images: Sequence[Path], options: ImportOptions, fps: float = 30.0
 ) -> Iterator[tuple[Path, int]]:
-    """Yields the usable images, as :func:`usable_images` does, with evenly spaced times in nanoseconds."""
-    return usable_images(zip(images, options.times_ns(fps), strict=False), options)
+    """Yields the usable images, as :func:`list_usable_images` does, with evenly spaced times in
+    nanoseconds."""
+    return list_usable_images(zip(images, options.times_ns(fps), strict=False), options)

@@ -49,7 +49,7 @@ def find_usual_camera(width: int, height: int) -> tuple[str, Intrinsics] | None:
     none.
     """
     for name, camera in _KNOWN_SENSORS.items():
-        scaled_camera = camera.scaled(width / camera.width)
+        scaled_camera = camera.scale(width / camera.width)
         if (scaled_camera.width, scaled_camera.height) == (width, height):
             return name, scaled_camera
     return None

@@ -28,8 +28,8 @@ from enliven_edge.importing.skeletons import (
     SkeletonMoment,
     SkeletonReader,
     joints_from_pixels,
+    make_tracked_body,
     mask_missing,
-    tracked_body,
 )
 
 _SCAN_HEADER = ["Joints", "X", "Y", "Z"]
@@ -109,7 +109,7 @@ class BodyScannerReader(SkeletonReader):
         joints = (
             np.array([position_by_name[name] for name in KINECT2_NAMES]) @ (WORLD_FROM_KINECT_SPACE @ level).T
         )
-        return [SkeletonMoment(0, [tracked_body(joints)])]
+        return [SkeletonMoment(0, [make_tracked_body(joints)])]
 
 
 def level_from_tilted(tilt: float) -> Float:
@@ -148,7 +148,7 @@ class GaitReader(SkeletonReader):
             xyz = np.full((len(Joint), 3), np.nan)
             xyz[joints[start:end]] = values[start:end]
             if np.isfinite(xyz[:, 0]).any():
-                moments.append(SkeletonMoment(time_ns, [tracked_body(xyz)]))
+                moments.append(SkeletonMoment(time_ns, [make_tracked_body(xyz)]))
         return moments
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.files import decode_text
-from enliven.formats.motion.added_pose import without_added_poses
+from enliven.formats.motion.added_pose import remove_added_poses
 from enliven.formats.motion.capture import UNITS, Capture, guess_unit
 from enliven.formats.motion.expmap import COLUMNS
 from enliven.frames import BodyFrame
@@ -63,7 +63,7 @@ class MotionCaptureReader(FileReader):
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
         path = self.choose_file(paths)
-        capture = without_added_poses(read_capture(path))
+        capture = remove_added_poses(read_capture(path))
         for note in capture.notes:
             options.note(note)
         try:

@@ -21,7 +21,7 @@ from enliven_edge.importing.base import (
     natural_order,
     read_floats,
 )
-from enliven_edge.importing.depth_sequences import DepthUnit, detect_unit, read_millimetres, timed_images
+from enliven_edge.importing.depth_sequences import DepthUnit, detect_unit, list_timed_images, read_millimetres
 from enliven_edge.importing.images import is_depth_png, png_size, read_colour
 
 _REPOSITORY = "device_repository.json"
@@ -69,7 +69,7 @@ class RealSenseReader(Reader):
         if not images:
             raise InputError("no file has a name of the form N_DEVICE_depth_N.png", where=str(paths[0]))
         units: dict[str, DepthUnit] = {}
-        for path, time_ns in timed_images(images, options):
+        for path, time_ns in list_timed_images(images, options):
             device = path.stem.split("_")[1]
             entry = _find_device(path.parent / _REPOSITORY, device)
             camera = _find_camera(
@@ -121,7 +121,7 @@ def _find_camera(entry: _Device, width: int, height: int, *, where: str) -> Intr
         full_width, full_height = int(match[1]), int(match[2])
         if full_width * height == width * full_height and len(matrix) == 9:
             full_camera = Intrinsics(full_width, full_height, matrix[0], matrix[4], matrix[2], matrix[5])
-            return full_camera if full_width == width else full_camera.scaled(width / full_width)
+            return full_camera if full_width == width else full_camera.scale(width / full_width)
     raise InputError(
         f"the files have no depth calibration for {width}x{height}",
         where=where,
@@ -166,7 +166,7 @@ class PosedDepthReader(Reader):
             raise InputError(f"no file name ends in {_SUFFIX}", where=str(paths[0]))
         lens = _choose_lens(images[0].parent / _CAMERA, options)
         unit = detect_unit(images[0], options)
-        for path, time_ns in timed_images(images, options):
+        for path, time_ns in list_timed_images(images, options):
             camera = Intrinsics(*png_size(path), *lens)
             pose = LEVEL_WORLD_FROM_CAMERA @ _check_rigid(_read_matrix(_pose_file(path), 4), _pose_file(path))
             colour = read_colour(path.with_name(path.name.removesuffix(_SUFFIX) + ".color.png"))
@@ -188,7 +188,7 @@ def _choose_lens(path: Path, options: ImportOptions) -> tuple[float, float, floa
         )
         return _SEVEN_SCENES_LENS
     matrix = _read_matrix(path, 3)
-    fx, fy, cx, cy = (float(matrix[at]) for at in _LENS)
+    fx, fy, cx, cy = (float(matrix[cell]) for cell in _LENS)
     return fx, fy, cx, cy
 
 

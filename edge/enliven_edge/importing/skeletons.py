@@ -84,7 +84,7 @@ def joints_from_pixels(pixels: Float, z: Float, focal: float, centre: tuple[floa
     return np.stack([x, (centre[1] - pixels[..., 1]) / focal * z, z], -1)
 
 
-def tracked_body(joints: Float) -> Body:
+def make_tracked_body(joints: Float) -> Body:
     """Returns the body of (20, 3) joints from a file without tracking states.
 
     Every joint counts as tracked.

@@ -23,7 +23,7 @@ from enliven_edge.importing.base import (
     read_head,
     read_text,
 )
-from enliven_edge.importing.depth_sequences import TUM_UNITS, DepthUnit, read_millimetres, usable_images
+from enliven_edge.importing.depth_sequences import TUM_UNITS, DepthUnit, list_usable_images, read_millimetres
 from enliven_edge.importing.images import find_usual_camera, is_depth_png, read_colour
 
 _LIST = "depth.txt"
@@ -67,7 +67,7 @@ class TumReader(Reader):
         colours = _read_list(folder / _COLOURS)
         poses = _read_poses(folder / _POSES, [time_ns for _, time_ns in timed])
         unit = DepthUnit(options, TUM_UNITS, "as in the TUM benchmark")
-        for path, time_ns in usable_images(timed, options):
+        for path, time_ns in list_usable_images(timed, options):
             depth = read_millimetres(path, unit)
             camera = _choose_camera(path, depth.shape[1], depth.shape[0], options)
             colour = _find_nearest(colours, time_ns)

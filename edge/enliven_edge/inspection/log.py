@@ -75,7 +75,10 @@ class SensorLog:
             )
         if self._losses:
             facts.append(("lost", f"{len(self._losses)} times, for {self._lost_seconds:.1f} s in total"))
-            facts += [("", f"at {at:.2f} s: {reason}") for at, reason in self._losses[:_MAX_DESCRIBED_LOSSES]]
+            facts += [
+                ("", f"second {second:.2f} s: {reason}")
+                for second, reason in self._losses[:_MAX_DESCRIBED_LOSSES]
+            ]
         if self._unusable:
             facts.append(("unusable", f"{self._unusable} frames, which were skipped"))
         return facts
@@ -86,15 +89,15 @@ class SensorLog:
             return "unknown, because the sensor does not number its images"
         if not self._gaps:
             return "none, by the image numbers of the sensor"
-        at, longest = max(self._gaps, key=lambda gap: gap[1])
+        start_s, longest = max(self._gaps, key=lambda gap: gap[1])
         count = sum(lost for _, lost in self._gaps)
-        return f"{count} images in {len(self._gaps)} gaps; the longest gap is {longest} images at {at:.2f} s"
+        return f"{count} images in {len(self._gaps)} gaps; the longest gap is {longest} images at {start_s:.2f} s"
 
     def _count(self, sensor: str, sequence: int, time_ns: int) -> None:
         """Counts a gap in the sensor's sequence numbers. A reopened sensor starts with other numbers."""
-        before = self._counts.get(sensor)
-        if before is not None and not self._lost and sequence > before + 1:
-            self._gaps.append((self._seconds(time_ns), sequence - before - 1))
+        old_count = self._counts.get(sensor)
+        if old_count is not None and not self._lost and sequence > old_count + 1:
+            self._gaps.append((self._seconds(time_ns), sequence - old_count - 1))
         self._counts[sensor] = sequence
 
     def _add_condition(self, moment: LogEntry) -> None:

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from enliven.document import Character
-from enliven.errors import EnlivenError, plain_reason
+from enliven.errors import EnlivenError, find_plain_reason
 from enliven.files import DAMAGE
 from enliven.possession import Actor
 from enliven.supervision.closeable import Closeable
@@ -109,18 +109,20 @@ class StageKeeper(Closeable):
         self._initial_smoothing = edge.tracker.output.amounts
         edge.uploads.on_shown = self._writer.add_data
         is_careful = self._begin_journal()
-        prepared = [(kept, actor) for kept in self.state.characters if (actor := self._prepare(kept))]
+        prepared = [
+            (character, actor) for character in self.state.characters if (actor := self._prepare(character))
+        ]
         if is_careful and prepared:
             log.warning("the last start crashed, so the saved characters are restored one at a time")
             self._pending.extend(prepared)
         else:
-            for kept, actor in prepared:
-                self._restore_character(kept, actor)
-            edge.stage.sort([kept.id for kept in self.state.characters])
+            for character, actor in prepared:
+                self._restore_character(character, actor)
+            edge.stage.sort([character.id for character in self.state.characters])
         self._update_journal("", is_starting=True)
-        for kept in self.state.characters:
-            if not kept.digest and kept.id in edge.stage.actors:
-                _restore_place(edge.stage.actors[kept.id], kept)
+        for character in self.state.characters:
+            if not character.digest and character.id in edge.stage.actors:
+                _restore_place(edge.stage.actors[character.id], character)
         self._restore_switches(edge)
 
     def follow(self, performers: int) -> None:
@@ -190,7 +192,7 @@ class StageKeeper(Closeable):
         except EnlivenError as error:
             reason = str(error)
         except (*DAMAGE, RuntimeError) as error:
-            reason = f"the character is damaged: {plain_reason(error)}"
+            reason = f"the character is damaged: {find_plain_reason(error)}"
         log.warning("the saved character %s is not restored (%s)", kept.id, reason)
         self._folder.set_character_aside(kept.digest, reason)
         return None
@@ -205,9 +207,9 @@ class StageKeeper(Closeable):
         """Puts the next character on the stage after the previous one has run for a while."""
         if now < self._next_trial_at:
             return
-        kept, actor = self._pending.popleft()
-        self._update_journal(kept.digest, is_starting=True)
-        self._restore_character(kept, actor)
+        character, actor = self._pending.popleft()
+        self._update_journal(character.digest, is_starting=True)
+        self._restore_character(character, actor)
         self._started_at = now - _START_S + _TRIAL_S
         self._next_trial_at = now + _TRIAL_S
 
@@ -241,18 +243,18 @@ class StageKeeper(Closeable):
         )
         if fingerprint != self._fingerprint:
             self._fingerprint = fingerprint
-            self._writer.set_state(self._capture_state(edge), self._scanned_characters(edge))
+            self._writer.set_state(self._capture_state(edge), self._find_scanned_characters(edge))
 
     def _capture_state(self, edge: KeptEdge) -> StageState:
         """Returns the current state. The writer adds scanned characters."""
         orders = edge.uploads.orders
-        kept = tuple(
-            _kept_character(name, actor, orders.get(name)) for name, actor in edge.stage.actors.items()
+        characters = tuple(
+            _make_kept_character(name, actor, orders.get(name)) for name, actor in edge.stage.actors.items()
         )
         amounts = edge.tracker.output.amounts
         locked = len(edge.tracker.locked_ids) if edge.tracker.locked_ids is not None else self._lock_at
         return StageState(
-            characters=kept,
+            characters=characters,
             removed={name: mesh for name, mesh in self._initial.items() if name not in edge.stage.actors},
             smoothing=None
             if amounts == self._initial_smoothing
@@ -262,7 +264,7 @@ class StageKeeper(Closeable):
             world=edge.physics.world,
         )
 
-    def _scanned_characters(self, edge: KeptEdge) -> dict[str, Character]:
+    def _find_scanned_characters(self, edge: KeptEdge) -> dict[str, Character]:
         """Returns the characters that were made by scans, by id."""
         other_names = edge.uploads.orders.keys() | self._initial.keys()
         return {name: actor.character for name, actor in edge.stage.actors.items() if name not in other_names}
@@ -317,7 +319,7 @@ class _StageWriter:
             with self._changed:
                 while self._state is written_state and not self._ended:
                     self._changed.wait()
-                state, scanned, ended = self._state, self._scanned_characters, self._ended
+                state, scanned, has_ended = self._state, self._scanned_characters, self._ended
                 data = dict(self._data)
             wait_s = _WRITE_INTERVAL_S
             try:
@@ -328,7 +330,7 @@ class _StageWriter:
                     log.warning("the stage could not be saved (%s). The edge will try again.", error)
                 # None makes the writer write the same state again at the next attempt.
                 self._has_failed, wait_s, written_state = True, _RETRY_INTERVAL_S, None
-            if ended:
+            if has_ended:
                 return
             with self._changed:
                 self._changed.wait_for(lambda: self._ended, wait_s)
@@ -344,28 +346,32 @@ class _StageWriter:
             return
         self._folder.write(state)
         self._written = state
-        self._folder.delete_characters_except({kept.digest for kept in state.characters})
+        self._folder.delete_characters_except({character.digest for character in state.characters})
 
     def _write_scanned_characters(self, state: StageState, scanned: Mapping[str, Character]) -> StageState:
         """Writes the data of scanned characters, and returns the state with their entries."""
         entries = {}
         for name, character in scanned.items():
-            before = self._scan_entries.get(name)
-            if before is None or before[0] is not character:
+            old_entry = self._scan_entries.get(name)
+            if old_entry is None or old_entry[0] is not character:
                 data = _scan_data(character)
                 digest = hashlib.sha256(data).hexdigest()
                 self._folder.write_character(digest, data)
-                before = character, KeptCharacter(name, digest, len(data))
-            entries[name] = before
+                old_entry = character, KeptCharacter(name, digest, len(data))
+            entries[name] = old_entry
         self._scan_entries = entries
         replace = msgspec.structs.replace
-        kept = tuple(
-            replace(each, digest=entries[each.id][1].digest, size=entries[each.id][1].size)
-            if each.id in entries
-            else each
-            for each in state.characters
+        characters = tuple(
+            replace(
+                scanned_entry,
+                digest=entries[scanned_entry.id][1].digest,
+                size=entries[scanned_entry.id][1].size,
+            )
+            if scanned_entry.id in entries
+            else scanned_entry
+            for scanned_entry in state.characters
         )
-        return replace(state, characters=kept)
+        return replace(state, characters=characters)
 
 
 def _scan_data(character: Character) -> bytes:
@@ -379,7 +385,7 @@ def _scan_data(character: Character) -> bytes:
     return character_bytes(project_of_mesh(mesh, character.id), character.id)
 
 
-def _kept_character(name: str, actor: Actor, order: PutCharacter | None) -> KeptCharacter:
+def _make_kept_character(name: str, actor: Actor, order: PutCharacter | None) -> KeptCharacter:
     """Returns the entry of a character on the stage. ``order`` is None for one that no viewer has sent."""
     growth, exaggeration, aside = actor.growth, actor.exaggeration, float(actor.aside)
     if order is None:

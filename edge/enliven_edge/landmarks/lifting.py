@@ -141,8 +141,10 @@ class Lifter:
         local = np.where(
             is_measured[:, None], np.concatenate([ray, np.ones((20, 1))], 1) * depth[:, None], posture
         )
-        off = np.abs(np.where(is_measured, depth, posture[:, 2]) - posture[:, 2]) / _MAX_DEPTH_DIFFERENCE_M
-        agreement = 1.0 - 0.5 * np.minimum(off, 1.0)
+        depth_deviation = (
+            np.abs(np.where(is_measured, depth, posture[:, 2]) - posture[:, 2]) / _MAX_DEPTH_DIFFERENCE_M
+        )
+        agreement = 1.0 - 0.5 * np.minimum(depth_deviation, 1.0)
         confidence = np.where(is_measured, agreement, _CONFIDENCE_WITHOUT_DEPTH) * visibility
         confidence[~is_inside | (visibility < _MIN_VISIBILITY)] = 0.0
         return Body(person, _to_world(local, world_from_camera), confidence)

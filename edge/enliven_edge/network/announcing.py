@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 
-from enliven.peers.announcement import Announcement, missing_discovery_reason
+from enliven.peers.announcement import Announcement, find_missing_discovery_reason
 from enliven.peers.announcer import Announcer
 from enliven.wire import Endpoint
 from enliven_edge.network.tcp_listener import is_local
@@ -22,7 +22,7 @@ def announce(
     """
     if not wire.announce or is_local(wire.host):
         return None
-    problem = missing_discovery_reason()
+    problem = find_missing_discovery_reason()
     if problem:
         log.info("viewers cannot find this edge without the address of this computer, because %s", problem)
         return None

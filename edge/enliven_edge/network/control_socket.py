@@ -98,9 +98,9 @@ class ControlSocket:
     @property
     def viewers(self) -> int:
         """Returns the number of viewers that receive the streams and have sent a message recently."""
-        since = time.monotonic() - _VIEWER_TIMEOUT_S
+        min_seen_s = time.monotonic() - _VIEWER_TIMEOUT_S
         states = (c.state for c in self._server.connections if c.state is not None)
-        return sum(viewer.listening and viewer.last_message_at > since for viewer in states)
+        return sum(viewer.listening and viewer.last_message_at > min_seen_s for viewer in states)
 
     def poll(self) -> list[Command]:
         """Answers requests as far as time allows. Returns the commands for the stage among them."""

@@ -146,7 +146,7 @@ class Outlet(Closeable):
                 self.announcer.set_characters(len(self._shown))
             standing = [Revision(name, self._publisher.revision(name)) for name in self._shown]
             self.send(StageMessage(tick.time_ns, standing), tick.time_ns)
-        captured_ns = _to_wall_clock(tick.read_ns)
+        captured_ns = _convert_to_wall_clock(tick.read_ns)
         for pose in tick.poses:
             self._write(self._publisher.publish_pose(pose, captured_ns), tick.time_ns)
         for message in _messages(tick, captured_ns, self._publisher.revision):
@@ -225,7 +225,7 @@ class Outlet(Closeable):
             self._handle_report.write(message, time_ns)
 
 
-def _to_wall_clock(monotonic_ns: int) -> int:
+def _convert_to_wall_clock(monotonic_ns: int) -> int:
     """Converts a recent monotonic time to wall-clock time in nanoseconds.
 
     It uses the current setting of the clock. The result is 0 if the time is unknown.
@@ -240,10 +240,10 @@ def _messages(tick: Tick, captured_ns: int, revision_of: Callable[[str], int]) -
 
     The publisher encodes and numbers the poses.
     """
-    at = tick.time_ns
-    yield bodies_to_message(tick.bodies, at, captured_ns)
+    tick_ns = tick.time_ns
+    yield bodies_to_message(tick.bodies, tick_ns, captured_ns)
     for name, cue in tick.cues.items():
-        cue_values = (cue.nodes, cue.strengths, cue.body, at, cue.owners, cue.held)
+        cue_values = (cue.nodes, cue.strengths, cue.body, tick_ns, cue.owners, cue.held)
         yield cues_to_message(name, cue.state, *cue_values)
     if tick.props is not None:
         yield props_to_message(tick.props)

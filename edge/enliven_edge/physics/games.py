@@ -109,13 +109,13 @@ def find_clear_places(settings: BoxesSettings, spheres: Float, radii: Float) -> 
     centres, clearances = spheres[low][:, [0, 2]], radii[low] + half_size
     placed_centres = list[Float]()
     for tower in towers:
-        at = tower[:, [0, 2]].mean(0) + _TOWER_PLACES
-        distances = np.abs(at[:, None] - centres).max(2) > clearances
+        places = tower[:, [0, 2]].mean(0) + _TOWER_PLACES
+        distances = np.abs(places[:, None] - centres).max(2) > clearances
         is_free = distances.all(1)
         for other in placed_centres:
-            is_free &= np.abs(at - other).max(1) > 2 * half_size - _MIN_TOWER_GAP_M
+            is_free &= np.abs(places - other).max(1) > 2 * half_size - _MIN_TOWER_GAP_M
         # If no candidate is free, argmax returns the first one, a zero offset.
-        chosen_place = at[int(is_free.argmax())]
+        chosen_place = places[int(is_free.argmax())]
         placed_centres.append(chosen_place)
         tower[:, [0, 2]] += chosen_place - tower[:, [0, 2]].mean(0)
     return towers.reshape(-1, 3)

@@ -68,7 +68,7 @@ class StandingDetector:
     def find(self, bodies: list[Body], time_ns: int) -> WorldGround | None:
         """Returns the place of the first person who has stood still, or moved about, for long enough."""
         grounds: dict[int, tuple[WorldGround, int]] = {}
-        ways: dict[int, list[tuple[WorldGround, int]]] = {}
+        candidates: dict[int, list[tuple[WorldGround, int]]] = {}
         for body in bodies:
             ground = ground_under(body)
             if ground is None:
@@ -79,10 +79,10 @@ class StandingDetector:
             grounds[body.id] = start
             if (time_ns - start[1]) * 1e-9 >= self.seconds:
                 return ground
-            path = ways[body.id] = [*self._way.get(body.id, ()), (ground, time_ns)]
+            path = candidates[body.id] = [*self._way.get(body.id, ()), (ground, time_ns)]
             if self.patience and (time_ns - path[0][1]) * 1e-9 >= self.patience:
                 return _mean_place([place for place, _ in path])
-        self._since, self._way = grounds, ways
+        self._since, self._way = grounds, candidates
         return None
 
 

@@ -107,7 +107,7 @@ class PhysicsSwitch:
             self._state = PhysicsMessage("none", "off")
             return
         self._state = PhysicsMessage(world, "preparing")
-        self._preparation = _Preparation(self._changed_settings(world), list(self._characters.values()))
+        self._preparation = _Preparation(self._make_changed_settings(world), list(self._characters.values()))
         self._preparation.start()
 
     def show(self, characters: Mapping[str, Character]) -> None:
@@ -136,7 +136,7 @@ class PhysicsSwitch:
         self._told = self._state
         return self._state
 
-    def _changed_settings(self, world: WorldName) -> PhysicsSettings:
+    def _make_changed_settings(self, world: WorldName) -> PhysicsSettings:
         return replace(self._settings, world=world)
 
     def _show_result(self, result: Playground | EnlivenError) -> None:

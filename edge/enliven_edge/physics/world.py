@@ -210,11 +210,11 @@ class World:
     def _build(self, spheres: int) -> None:
         """Builds the engine's model for at least ``spheres`` spheres. Moving props keep their motion."""
         count = -(-spheres // _SPHERE_BATCH) * _SPHERE_BATCH
-        before = getattr(self, "_data", None)
+        old_data = getattr(self, "_data", None)
         self._model = _engine_model(self.props, count, self.settings)
         self._data = mujoco.MjData(self._model)
-        if before is not None:
-            self._data.qpos[:], self._data.qvel[:] = before.qpos, before.qvel
+        if old_data is not None:
+            self._data.qpos[:], self._data.qvel[:] = old_data.qpos, old_data.qvel
         kept_count = len(self._to)
         self._from, self._to = (_pad_rows(a, count, _PARKING_PLACE) for a in (self._from, self._to))
         self._radii = np.concatenate([self._radii, np.zeros(count - kept_count)])

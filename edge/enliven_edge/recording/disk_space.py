@@ -44,7 +44,7 @@ def name_expression(pattern: Path) -> re.Pattern[str]:
     return re.compile(rf"{stem}(-\d+)?(-part\d+)?{re.escape(pattern.suffix)}")
 
 
-def recorded_parts(pattern: Path) -> list[Path]:
+def list_recorded_parts(pattern: Path) -> list[Path]:
     """Returns the files that enliven recorded with this name pattern, the oldest first.
 
     Links, folders, and files of other programs are excluded even if their names match.
@@ -74,7 +74,7 @@ def _is_own(path: Path) -> bool:
 class DiskSpaceGuard(Closeable):
     """Deletes the oldest parts of a recording when the disk has too little free space.
 
-    Only files that :func:`recorded_parts` returns are deleted, except those in :attr:`in_use`.
+    Only files that :func:`list_recorded_parts` returns are deleted, except those in :attr:`in_use`.
 
     Args:
         pattern: path of the recording, with placeholders.
@@ -104,7 +104,7 @@ class DiskSpaceGuard(Closeable):
         """Deletes parts until there is enough space."""
         try:
             missing_bytes = self._keep_free_bytes - self._free_bytes(self._pattern.parent)
-            for path in recorded_parts(self._pattern) if missing_bytes > 0 else ():
+            for path in list_recorded_parts(self._pattern) if missing_bytes > 0 else ():
                 if missing_bytes <= 0:
                     break
                 if path in self.in_use or abs(time.time() - path.stat().st_mtime) < _MIN_AGE_S:

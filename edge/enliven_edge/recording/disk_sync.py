@@ -54,9 +54,9 @@ class DiskSync:
             self._thread.join(_CLOSE_TIMEOUT_S)
 
     def _run(self) -> None:
-        ended = False
-        while not ended:
-            ended = self._ended.wait(self._every)
+        has_ended = False
+        while not has_ended:
+            has_ended = self._ended.wait(self._every)
             try:
                 os.fsync(self._descriptor)
                 self.count += 1

@@ -45,5 +45,5 @@ def settings_with_options(
         InputError: if an option is out of range.
     """
     options = {"part_minutes": part_minutes, "keep_free": keep_free}
-    given = {key: value for key, value in options.items() if value is not None}
-    return load_settings(RecordingSettings, {**vars(settings), **given}, where="command line")
+    given_options = {key: value for key, value in options.items() if value is not None}
+    return load_settings(RecordingSettings, {**vars(settings), **given_options}, where="command line")

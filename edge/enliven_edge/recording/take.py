@@ -123,7 +123,7 @@ class Take:
         message = HEALTH_MESSAGES[kind]
         sentence = message.what.format(why=reason, **facts)
         previous = self._health_states.get(kind)
-        since = self._now_ns if previous is None else previous.since_ns
-        self._health_states[kind] = HealthState(kind, message.severity, since, sentence, message.remedy)
+        since_ns = self._now_ns if previous is None else previous.since_ns
+        self._health_states[kind] = HealthState(kind, message.severity, since_ns, sentence, message.remedy)
         if previous is None:
             log.warning("%s", self._health_states[kind])

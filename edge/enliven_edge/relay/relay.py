@@ -130,11 +130,11 @@ class Relay(Closeable):
     def poll(self, wait_ms: int = _POLL_INTERVAL_MS) -> None:
         """Waits briefly for messages of the edge, forwards them, and answers viewers."""
         self._upstream.wait_for_message(wait_ms)
-        before = self._upstream.state.missing
+        old_missing = self._upstream.state.missing
         messages = [self._with_own_pairing(data) for data in self._upstream.poll()]
         if messages:
             self._streams.send_all(messages)
-        if before and not self._upstream.state.missing:
+        if old_missing and not self._upstream.state.missing:
             self._send_heartbeat()  # Viewers request the list of characters again, which is complete now.
         self._streams.poll()
         for command in self._control.poll():

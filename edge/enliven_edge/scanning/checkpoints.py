@@ -53,5 +53,9 @@ class Checkpoints(Generic[State]):
 
     def _find_restorable(self, now_ns: int) -> int | None:
         """Returns the index of the newest checkpoint that is at least half an interval old."""
-        restorable = [k for k, (at, _) in enumerate(self._checkpoints) if now_ns - at >= 0.5e9 * _INTERVAL_S]
+        restorable = [
+            k
+            for k, (stored_ns, _) in enumerate(self._checkpoints)
+            if now_ns - stored_ns >= 0.5e9 * _INTERVAL_S
+        ]
         return restorable[-1] if restorable else None

@@ -55,12 +55,16 @@ def _draw_view(mesh: Mesh, angle: float, up: float) -> UInt8:
     )
     drawn_mesh = draw_mesh(mesh, camera, pose)
     is_covered = drawn_mesh.face >= 0
-    at = drawn_mesh.face[is_covered]
-    light = -(mesh.face_normals()[at] @ rotation.unit(-distance + 0.3 * pose[:3, 0] + 0.4 * pose[:3, 1]))
-    colour = np.broadcast_to(_MESH_COLOUR.astype(float), (len(at), 3))
+    face_indices = drawn_mesh.face[is_covered]
+    light = -(
+        mesh.face_normals()[face_indices] @ rotation.unit(-distance + 0.3 * pose[:3, 0] + 0.4 * pose[:3, 1])
+    )
+    colour = np.broadcast_to(_MESH_COLOUR.astype(float), (len(face_indices), 3))
     if mesh.colours is not None:
-        colour = (mesh.colours[mesh.faces[at]] * drawn_mesh.barycentric[is_covered][..., None]).sum(1)
-    front = (mesh.face_normals()[at] @ distance > 0)[:, None]
+        colour = (mesh.colours[mesh.faces[face_indices]] * drawn_mesh.barycentric[is_covered][..., None]).sum(
+            1
+        )
+    front = (mesh.face_normals()[face_indices] @ distance > 0)[:, None]
     shade = (_AMBIENT + (1 - _AMBIENT) * np.clip(light, 0, 1))[:, None]
     picture = np.broadcast_to(_BACKGROUND_COLOUR, (_SIDE_PX, _SIDE_PX, 3)).astype(np.uint8)
     picture[is_covered] = np.where(front, colour * shade, _BACK_FACE_COLOUR).astype(np.uint8)

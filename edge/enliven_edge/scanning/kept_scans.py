@@ -12,7 +12,7 @@ from enliven.files import replace_file
 from enliven.recording import Recorder, Recording
 from enliven.scanning import Scanner, ScanState
 from enliven.scanning.objects.moved_scanner import MovedScanner
-from enliven_edge.scanning.sources import recorded_images
+from enliven_edge.scanning.sources import read_recorded_images
 
 STORED_SCAN_SUFFIX = ".scan.mcap"
 """File suffix of the recording of a stored scan."""
@@ -23,7 +23,7 @@ _SYNC_INTERVAL_S = 10.0
 it is complete."""
 
 
-def stored_scan_path(path: Path) -> Path:
+def find_stored_scan_path(path: Path) -> Path:
     """Returns the path of the stored scan of a mesh or a project."""
     return path.with_name(path.stem + STORED_SCAN_SUFFIX)
 
@@ -58,7 +58,7 @@ def load_first_part(scanner: Scanner, path: Path, stop: threading.Event) -> int:
     Raises:
         InputError: if no scan is stored for the mesh or project, or if its images cannot be scanned.
     """
-    source = path if path.suffix.lower() == ".mcap" else stored_scan_path(path)
+    source = path if path.suffix.lower() == ".mcap" else find_stored_scan_path(path)
     if path.exists() and not source.exists():
         problem = f"the images of this scan were not saved: {source.name} is missing"
         raise InputError(
@@ -66,7 +66,7 @@ def load_first_part(scanner: Scanner, path: Path, stop: threading.Event) -> int:
         )
     has_poses = _METADATA_NAME in Recording(source).info.metadata
     states: Counter[ScanState] = Counter()
-    for frame in recorded_images(source, stop):
+    for frame in read_recorded_images(source, stop):
         if has_poses and frame.world_from_camera is not None:
             scanner.place(frame, frame.world_from_camera)
         else:

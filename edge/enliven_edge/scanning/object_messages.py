@@ -44,10 +44,9 @@ def describe_places(scanner: Scanner | MovedScanner) -> list[str]:
     sentences: list[str] = []
     if scanner.unplaced:
         lost = sum(place.count for place in scanner.unplaced)
-        where = f"{lost} images are not in the mesh, because the object was not found in them."
+        note = f"{lost} images are not in the mesh, because the object was not found in them."
         sentences.append(
-            f"{where} Show more of the sides that were already scanned, and hold still while the object "
-            "rests."
+            f"{note} Show more of the sides that were already scanned, and hold still while the object rests."
         )
     if scanner.followed_images:
         sentences.append(

@@ -16,7 +16,7 @@ from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
 from enliven.person import PARENTS, Body, Joint
-from enliven.possession import standing_figure
+from enliven.possession import make_standing_figure
 from enliven.scanning import (
     ExcludedPixels,
     GroundPlane,
@@ -106,7 +106,7 @@ class ScannedPerson:
         joints, (hip, neck) = self.joints.copy(), self.joints[[Joint.HIP_CENTER, Joint.SHOULDER_CENTER]]
         if not np.isfinite(joints[list(_TRUNK)]).all():
             return np.empty((0, 3))
-        figure = standing_figure()
+        figure = make_standing_figure()
         size = np.linalg.norm(neck - hip) / np.linalg.norm(figure[_TRUNK[1]] - figure[_TRUNK[0]])
         for joint in np.flatnonzero(~np.isfinite(joints).all(1)):
             parent = PARENTS[joint]
@@ -166,13 +166,13 @@ class PersonScanner(Scanner):
             - len({int(angle // (2 * np.pi / _DIRECTIONS)) % _DIRECTIONS for angle in angles}) / _DIRECTIONS
         )
 
-    def person(self) -> ScannedPerson:
+    def finish_person(self) -> ScannedPerson:
         """Returns the scanned person.
 
         Raises:
             InputError: if no part of the person was scanned.
         """
-        surface, joints = self.surface(), self._median_joints()
+        surface, joints = self.extract_surface(), self._median_joints()
         if not len(surface.faces):
             remedy = "Stand nearer to the camera, or scan for longer."
             raise InputError("no surface was visible in enough images", where="scan", remedy=remedy)

@@ -29,7 +29,7 @@ from enliven.scanning import (
     decimate,
     find_focus,
     find_ground,
-    largest_part,
+    find_largest_part,
     upright_frame,
 )
 from enliven.scanning.objects.moved_scanner import MovedScanner
@@ -95,7 +95,7 @@ def finish_scan(scanner: Scanner | MovedScanner, keep: KeptPart, triangles: int,
         InputError: if nothing is left.
     """
     scanner.close_loops()
-    person = scanner.person() if isinstance(scanner, PersonScanner) else None
+    person = scanner.finish_person() if isinstance(scanner, PersonScanner) else None
     mesh, note = _cut_out(scanner, keep) if person is None else (person.mesh, "")
     decimation = decimate(replace(mesh, name=name), triangles or len(mesh.faces))
     return ScannedMesh(decimation.mesh, decimation.distance_99_percentile, note, person)
@@ -106,20 +106,20 @@ def _cut_out(scanner: Scanner | MovedScanner, keep: KeptPart) -> tuple[Mesh, str
     cut = scanner.settings.cut_out
     if keep.what == "thing":
         try:
-            return scanner.thing(), ""
+            return scanner.extract_object(), ""
         except InputError as error:
             advice = f"{error.remedy} Or add --whole to keep the whole scan."
             raise InputError(error.what, where=error.where, remedy=advice) from None
     has_several = isinstance(scanner, MovedScanner) and len(scanner.rests) > 1
     if isinstance(scanner, MovedScanner) and keep.what == "box":
-        mesh = scanner.merge_surfaces() if has_several else scanner.surface()
+        mesh = scanner.merge_surfaces() if has_several else scanner.extract_surface()
     else:
-        mesh = scanner.surface(keep.first_object_image)
+        mesh = scanner.extract_surface(keep.first_object_image)
     if not len(mesh.faces):
         advice = "Scan for longer, and from nearer."
         raise InputError("no surface was visible in enough images", where="scan", remedy=advice)
     if keep.what == "alone":
-        return largest_part(mesh), ""
+        return find_largest_part(mesh), ""
     ground: GroundPlane | None = None
     with contextlib.suppress(InputError):  # Without a floor, keep the orientation of the first camera.
         ground = find_ground(mesh)

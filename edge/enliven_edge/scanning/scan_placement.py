@@ -98,13 +98,13 @@ class ScanPlacement:
 
     def _move_placement(self, ground: GroundPlane, focus: Float, images: int) -> None:
         """Moves the floor to y = 0 and the centre above the origin, if they moved."""
-        wanted = upright_frame(ground, focus)
-        rotation = wanted[:3, :3]
+        wanted_frame = upright_frame(ground, focus)
+        rotation = wanted_frame[:3, :3]
         if self._found and images > _SETTLING_IMAGES:
             # Keep the centre fixed, and follow only the floor.
             kept_origin = np.linalg.inv(self.stage_from_scan) @ [0.0, 0.0, 0.0, 1.0]
-            wanted[[0, 2], 3] = -(rotation @ kept_origin[:3])[[0, 2]]
+            wanted_frame[[0, 2], 3] = -(rotation @ kept_origin[:3])[[0, 2]]
         corners = np.array([[0, 0, 0, 1], [1, 0, 0, 1], [0, 0, 1, 1]], float)
-        corner_motion = corners @ (wanted - self.stage_from_scan).T
+        corner_motion = corners @ (wanted_frame - self.stage_from_scan).T
         if not self._found or np.linalg.norm(corner_motion, axis=1).max() > _MIN_MOTION_M:
-            self.stage_from_scan, self._found = wanted, True
+            self.stage_from_scan, self._found = wanted_frame, True

@@ -19,7 +19,7 @@ _FRAME_TIMEOUT_S = 0.25
 """Seconds to wait for a frame before checking whether to stop."""
 
 
-def recorded_images(path: Path, stop: threading.Event) -> Iterator[DepthFrame]:
+def read_recorded_images(path: Path, stop: threading.Event) -> Iterator[DepthFrame]:
     """Yields the depth images of a recording, until ``stop`` is set.
 
     Raises:

@@ -61,10 +61,11 @@ class SurfacePreview:
 
     def _measure_change(self, places: list[Place], sums: PieceSums) -> Float:
         """Returns the change (P,) of each chunk: doublings of its weight, plus its fraction of new voxels."""
-        before = np.array([self._sent.get(place, (0, 0.0)) for place in places], float).reshape(-1, 2)
-        weight_change = np.abs(np.log2((sums.weights + 1.0) / (before[:, 1] + 1.0)))
+        sent_values = np.array([self._sent.get(place, (0, 0.0)) for place in places], float).reshape(-1, 2)
+        weight_change = np.abs(np.log2((sums.weights + 1.0) / (sent_values[:, 1] + 1.0)))
         return np.asarray(
-            weight_change + np.abs(sums.counts - before[:, 0]) / np.maximum(sums.counts, before[:, 0])
+            weight_change
+            + np.abs(sums.counts - sent_values[:, 0]) / np.maximum(sums.counts, sent_values[:, 0])
         )
 
     def _removal_message(self, place: Place, voxel: float) -> ScanPieceMessage:

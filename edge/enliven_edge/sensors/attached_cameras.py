@@ -136,7 +136,7 @@ def explain_unsupported(package: str, installed: str) -> str:
 
 def list_attached(devices: Path = DEVICES, nodes: Path = NODES) -> list[AttachedCamera]:
     """Returns the depth cameras on USB, sorted by name."""
-    cameras = [camera for each in devices.glob("*") if (camera := _camera(each, nodes))]
+    cameras = [camera for device_path in devices.glob("*") if (camera := _camera(device_path, nodes))]
     return sorted(cameras, key=lambda camera: (camera.kind.name, camera.title))
 
 

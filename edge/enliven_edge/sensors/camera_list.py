@@ -63,8 +63,8 @@ def _list_usb_cameras(cameras: list[AttachedCamera]) -> list[DetectedCamera]:
     listed = []
     for camera in cameras:
         sensor, problems = camera.kind.sensor, camera.find_problems()
-        slow = [each for each in problems if each[0] == "the camera is on USB 2"]
-        serious = [each for each in problems if each not in slow]
+        slow = [usb_problem for usb_problem in problems if usb_problem[0] == "the camera is on USB 2"]
+        serious = [usb_problem for usb_problem in problems if usb_problem not in slow]
         options = {}
         if makers[sensor] > 1 and sensor in _BY_SERIAL and " " in camera.title:
             options[_BY_SERIAL[sensor]] = camera.title.rsplit(" ", 1)[1]

@@ -68,7 +68,7 @@ def reports_folder() -> Path:
     return user_data_folder() / "crashes"
 
 
-def stored_reports() -> list[CrashReport]:
+def list_stored_reports() -> list[CrashReport]:
     """Returns the stored reports, the newest first."""
     return [_report_from_file(path, when) for when, _, path in _report_files()]
 
@@ -82,7 +82,7 @@ def keep_text(sensor: str, text: str, signal: int) -> None:
         _ADDRESS.sub("", line) for line in text.splitlines() if line.startswith(("  File", "Fatal"))
     ]
     signature = hashlib.sha256("\n".join([str(signal), *stack_lines]).encode()).hexdigest()[:8]
-    path = reports_folder() / f"{_to_file_name(sensor)}-driver-{signature}.txt"
+    path = reports_folder() / f"{_convert_to_file_name(sensor)}-driver-{signature}.txt"
     library = _MAKERS.get(sensor, ("", ""))[0]
     with contextlib.suppress(PackageNotFoundError):
         library = f"{library} {version(library)}, " if library else ""
@@ -103,7 +103,7 @@ def keep_text(sensor: str, text: str, signal: int) -> None:
 def keep_dump(device: str, write: Callable[[Path], None]) -> None:
     """Stores the firmware dump of an OAK, a .tar.gz that ``write`` creates at the given path."""
     now = time.strftime("%Y%m%d-%H%M%S")
-    _write_report(reports_folder() / f"oak-firmware-{_to_file_name(device)}-{now}.tar.gz", write)
+    _write_report(reports_folder() / f"oak-firmware-{_convert_to_file_name(device)}-{now}.tar.gz", write)
 
 
 def remove_old_reports() -> None:
@@ -154,6 +154,6 @@ def _report_from_file(path: Path, when: float) -> CrashReport:
     return CrashReport(path, when, "the firmware of the camera", _FIRMWARE)
 
 
-def _to_file_name(name: str) -> str:
+def _convert_to_file_name(name: str) -> str:
     """Returns a name in a form that suits a file name."""
     return re.sub(r"[^\w.]+", "_", name)[:60]

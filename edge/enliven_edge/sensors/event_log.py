@@ -75,7 +75,7 @@ class EventLog:
         self._last_frame_at = 0.0
         self._lost = False
 
-    def frame(self, frame: Frame, condition: Condition | None) -> None:
+    def write_frame(self, frame: Frame, condition: Condition | None) -> None:
         """Writes one frame, and the device's condition if it has changed.
 
         Raises:
@@ -94,7 +94,7 @@ class EventLog:
         self._recorder.write_frame(frame)
         self._last, self._last_frame_at, self._lost = frame, time.monotonic(), False
 
-    def failed(self, error: EnlivenError) -> None:
+    def write_error(self, error: EnlivenError) -> None:
         """Writes an error that the sensor raised instead of a frame.
 
         Raises:

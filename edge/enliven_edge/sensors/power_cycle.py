@@ -93,11 +93,11 @@ class CameraPower:
 
     def _reset(self, camera: AttachedCamera) -> bool:
         """Resets one camera. Returns False if the system does not allow it."""
-        ways = [_reset_port, _reconnect] if self.count % 2 == 0 else [_reconnect, _reset_port]
+        methods = [_reset_port, _reconnect] if self.count % 2 == 0 else [_reconnect, _reset_port]
         errors = []
-        for way in ways:
+        for method in methods:
             try:
-                way(camera)
+                method(camera)
             except OSError as error:
                 errors.append(error)
                 continue

@@ -74,12 +74,12 @@ class WorkerThread:
         Returns:
             True if the thread has ended.
         """
-        self._calls.put(lambda: last(self._untaken_answers()))
+        self._calls.put(lambda: last(self._take_remaining_answers()))
         self._calls.put(None)
         self._thread.join(timeout)
         return not self._thread.is_alive()
 
-    def _untaken_answers(self) -> list[Any]:
+    def _take_remaining_answers(self) -> list[Any]:
         left = []
         while not self._answers.empty():
             left.append(self._answers.get()[0])

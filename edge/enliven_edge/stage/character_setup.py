@@ -156,7 +156,7 @@ def prepare_character(
     """
     prepared = prepare_for_actor(mesh, settings or ActorSettings(), fit=fit, ends=ends, joints=joints)
     mesh, settings = prepared.mesh, prepared.settings
-    no_person = like is not None and like.likeness is None and _same_faces(like, mesh)
+    no_person = like is not None and like.likeness is None and _has_same_faces(like, mesh)
     searches_person = needs_person_search(settings) and not settings.joints and not no_person
     with ThreadPoolExecutor(1) as background:  # Run both in parallel, because they take about the same time.
         person = background.submit(_find_person, mesh, settings) if searches_person else None
@@ -181,7 +181,7 @@ def _find_person(mesh: Mesh, settings: ActorSettings) -> BodyInMesh | None:
     return find_person_in_mesh(sent, np.array(settings.ends, np.float64))
 
 
-def _same_faces(like: EmbeddedActor, mesh: Mesh) -> bool:
+def _has_same_faces(like: EmbeddedActor, mesh: Mesh) -> bool:
     """Returns True if an actor's mesh has the same faces as ``mesh``: an edit only moved vertices."""
     return np.array_equal(like.character.faces, mesh.faces)
 

@@ -67,8 +67,8 @@ class HoldLog:
 
     def log_carried_over(self, actor: Actor, carried: HoldStarts) -> None:
         """Logs the holds that moved from a replaced character to this one."""
-        for taken in carried:
-            self._add_event(actor, "join", taken.body.id, parts=taken.parts, place=actor.place)
+        for hold in carried:
+            self._add_event(actor, "join", hold.body.id, parts=hold.parts, place=actor.place)
 
     def log_removal(self, actor: Actor) -> None:
         """Logs that a character left the stage."""

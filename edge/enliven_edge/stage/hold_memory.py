@@ -67,8 +67,8 @@ class HoldMemory:
         """
         name, holders = actor.character.id, [hold.body for hold in actor.holds]
         recorded = tuple(hold for hold in self._starts.get(name, ()) if hold.body.id in holders)
-        asked = {hold.body.id for hold in recorded}
-        return recorded + tuple(HoldStart(b) for b in bodies if b.id in holders and b.id not in asked)
+        recorded_ids = {hold.body.id for hold in recorded}
+        return recorded + tuple(HoldStart(b) for b in bodies if b.id in holders and b.id not in recorded_ids)
 
     def carry_over(self, previous_actor: Actor, actor: Actor, bodies: list[Body], time_ns: int) -> HoldStarts:
         """Moves all holds from one actor to another and returns how the holds started.

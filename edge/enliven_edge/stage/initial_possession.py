@@ -24,8 +24,12 @@ class InitialPossession:
 
     def __init__(self, stage: Stage, at: float | None, parts: str | Mapping[str, str] = "all") -> None:
         self._stage, self._at = stage, at
-        each = {name: parts if isinstance(parts, str) else parts.get(name, "all") for name in stage.actors}
-        self._pending = [(name, [part.strip() for part in text.split("/")]) for name, text in each.items()]
+        parts_by_name = {
+            name: parts if isinstance(parts, str) else parts.get(name, "all") for name in stage.actors
+        }
+        self._pending = [
+            (name, [part.strip() for part in text.split("/")]) for name, text in parts_by_name.items()
+        ]
 
     def possess_if_due(self, seconds: float) -> None:
         """Lets the performers in view possess characters if that is due at ``seconds`` after the first
@@ -33,7 +37,7 @@ class InitialPossession:
         if self._at is None or seconds < self._at:
             return
         for name, parts in self._pending:
-            while parts and name in self._stage.actors and self._stage.idle(name) is not None:
+            while parts and name in self._stage.actors and self._stage.find_idle_performer(name) is not None:
                 next_parts = parts.pop(0)
                 try:
                     self._stage.possess(name, parts=next_parts, mode="join")

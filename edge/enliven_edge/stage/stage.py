@@ -128,7 +128,7 @@ class Stage:
         visible_surfaces = surfaces() if surfaces is not None and self.uses_surface else None
         poses = []
         for name in self.actors:
-            offered, actor = self._ordered_bodies(name), self._updated_actor(name)
+            offered, actor = self._sort_bodies(name), self._updated_actor(name)
             self._memory.remember_performer(name, offered)
             with self._log.log_automatic_changes(actor, time_ns):
                 pose = actor.perform(offered, time_ns, visible_surfaces)
@@ -166,7 +166,7 @@ class Stage:
 
         They are the nodes that performers hold, or would hold if they possessed the character now.
         """
-        return {name: self._updated_actor(name).cues(self._ordered_bodies(name)) for name in self.actors}
+        return {name: self._updated_actor(name).cues(self._sort_bodies(name)) for name in self.actors}
 
     def possess(
         self,
@@ -207,7 +207,7 @@ class Stage:
     def _possess(self, character: str, body: int | None, parts: str, mode: Mode) -> None:
         """Lets a performer possess the character with this id."""
         actor = self._updated_actor(character)
-        present = [b for b in self._ordered_bodies(character) if body is None or b.id == body]
+        present = [b for b in self._sort_bodies(character) if body is None or b.id == body]
         if not present:
             performer_id = "nobody is in view" if body is None else f"performer {body} is not in view"
             raise InputError(
@@ -217,9 +217,9 @@ class Stage:
         self._log.possess(actor, possession, parts, mode)
         self._memory.remember(character, possession, parts, mode)
 
-    def idle(self, character: str) -> Body | None:
+    def find_idle_performer(self, character: str) -> Body | None:
         """Returns the idle performer in view that would possess the character next, or None."""
-        return self._updated_actor(character).next_performer(self._ordered_bodies(character))
+        return self._updated_actor(character).next_performer(self._sort_bodies(character))
 
     def candidate(self, character: str, mode: Mode = "alone") -> tuple[int | None, str]:
         """Returns the performer's id and the body parts for a command that names no performer.
@@ -339,7 +339,7 @@ class Stage:
             return [self._updated_actor(character or "")]
         return [self._updated_actor(name) for name in self.actors]
 
-    def _ordered_bodies(self, character: str) -> list[Body]:
+    def _sort_bodies(self, character: str) -> list[Body]:
         """Returns the bodies in the order in which the stage offers them a character."""
         if len(self.actors) < 2:
             return self._bodies

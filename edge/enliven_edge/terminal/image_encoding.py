@@ -50,7 +50,7 @@ def encode_image(picture: UInt8, protocol: ImageProtocol, columns: int = 80) -> 
 def encode_kitty(picture: UInt8) -> str:
     """Encodes an image in kitty's graphics protocol: a PNG in base64, split into chunks."""
     data = base64.standard_b64encode(_encode_png(picture)).decode()
-    pieces = [data[at : at + _CHUNK_CHARACTERS] for at in range(0, len(data), _CHUNK_CHARACTERS)]
+    pieces = [data[offset : offset + _CHUNK_CHARACTERS] for offset in range(0, len(data), _CHUNK_CHARACTERS)]
     codes = []
     for number, piece in enumerate(pieces):
         # The options are a=T (transmit and show), f=100 (PNG) and q=2 (send no answer, because it would
@@ -94,7 +94,7 @@ def encode_half_blocks(picture: UInt8, exact: bool = True) -> str:
     """
     if picture.shape[0] % 2:
         picture = np.vstack([picture, picture[-1:]])
-    colour = _exact_colour if exact else _nearest_palette_colour
+    colour = _convert_to_exact_colour if exact else _find_nearest_palette_colour
     lines = []
     for upper, lower in zip(picture[::2].tolist(), picture[1::2].tolist(), strict=True):
         cells = [f"\x1b[38;{colour(*u)};48;{colour(*v)}m" for u, v in zip(upper, lower, strict=True)]
@@ -103,17 +103,17 @@ def encode_half_blocks(picture: UInt8, exact: bool = True) -> str:
     return "".join(lines)
 
 
-def _exact_colour(red: int, green: int, blue: int) -> str:
+def _convert_to_exact_colour(red: int, green: int, blue: int) -> str:
     return f"2;{red};{green};{blue}"
 
 
-def _nearest_palette_colour(red: int, green: int, blue: int) -> str:
+def _find_nearest_palette_colour(red: int, green: int, blue: int) -> str:
     """Returns the palette number of the nearest of 24 greys (232 and up) or of a cube of 6 x 6 x 6 colours
     (16 and up).
     """
     if max(red, green, blue) - min(red, green, blue) < 16:
         return f"5;{232 + min(23, max(0, (green - 3) // 10))}"
-    r, g, b = ((each + 25) // 51 for each in (red, green, blue))
+    r, g, b = ((channel + 25) // 51 for channel in (red, green, blue))
     return f"5;{16 + 36 * r + 6 * g + b}"
 
 

@@ -17,7 +17,7 @@ from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import FrameView
 from enliven_edge.tracking.health.health import TrackerState
 from enliven_edge.tracking.output.output import Output, mirror_plane
-from enliven_edge.tracking.output.surfaces import mirror_surfaces, visible_surfaces
+from enliven_edge.tracking.output.surfaces import collect_visible_surfaces, mirror_surfaces
 from enliven_edge.tracking.people.guessed_floor import FloorEstimator
 from enliven_edge.tracking.people.people import MultiPersonTracker
 from enliven_edge.tracking.people.person import Person
@@ -146,7 +146,7 @@ class Tracker:
         """
         if self._view is None or self._owner is None or not self._by_depth:
             return {}
-        surfaces = visible_surfaces(self._view, self._owner, self._people.segment_ids())
+        surfaces = collect_visible_surfaces(self._view, self._owner, self._people.segment_ids())
         if self.settings.output.mirror:
             return mirror_surfaces(surfaces, *mirror_plane(self.world_from_camera))
         return surfaces
@@ -238,8 +238,8 @@ class Tracker:
         if not self._mounting.is_height_known:
             view = self._raise_world(view)
         self._owner, self._view = segments.owner, view
-        room.guard(segments.owner, self._people.moved_ids(), view.z)
-        people = (segments.owner >= 0) | self._people.finder.searched_pixels(view)
+        room.guard(segments.owner, self._people.find_moved_ids(), view.z)
+        people = (segments.owner >= 0) | self._people.finder.find_searched_pixels(view)
         agreement = room.learn(view.z, people, view.time_ns, hold)
         self._remove_learnt_people(room, view)
         self._absorb_furniture(room, view, kind)
@@ -275,8 +275,8 @@ class Tracker:
         if people and self._owner is not None and round(background.age * _FURNITURE_RATE_HZ) != self._gave_up:
             self._gave_up = round(background.age * _FURNITURE_RATE_HZ)
             floor = self.settings.scene.floor_band
-            still = background.still_pixels(view.z) & (kind == UNSEEN)
-            background.absorb(find_furniture(view, still, self._owner, people, floor))
+            is_still = background.still_pixels(view.z) & (kind == UNSEEN)
+            background.absorb(find_furniture(view, is_still, self._owner, people, floor))
 
     def _background_for(self, view: FrameView) -> BackgroundModel:
         """Returns the background model, or a new one.
@@ -307,8 +307,10 @@ class Tracker:
         if ramp == 1.0 and self._mounting.is_floor_known:
             return sure
         legs = 1.0 if self._mounting.is_floor_known else _MAX_LEG_CONFIDENCE
-        most = np.minimum(_FIRST_CONFIDENCE + (1.0 - _FIRST_CONFIDENCE) * ramp, np.where(_IS_LEG, legs, 1.0))
-        return np.minimum(sure, most)
+        max_confidence = np.minimum(
+            _FIRST_CONFIDENCE + (1.0 - _FIRST_CONFIDENCE) * ramp, np.where(_IS_LEG, legs, 1.0)
+        )
+        return np.minimum(sure, max_confidence)
 
     def _bodies(self, frame: DepthFrame) -> list[Body]:
         """Returns the output bodies: each performer's fit after smoothing, prediction and mirroring."""

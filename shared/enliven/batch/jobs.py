@@ -227,11 +227,11 @@ def _read_model(path: Path, height: float | None) -> Rig:
         stamps = _stamp_with_references(path)
     except OSError:
         return read_gltf(path, height=height)  # Raises an error with the reason.
-    return _cached_model(stamps, height)
+    return _read_cached_model(stamps, height)
 
 
 @lru_cache(maxsize=_CACHED_MODELS)
-def _cached_model(stamps: _FileStamps, height: float | None) -> Rig:
+def _read_cached_model(stamps: _FileStamps, height: float | None) -> Rig:
     return read_gltf(Path(stamps[0][0]), height=height)
 
 
@@ -239,7 +239,7 @@ def _hash_with_references(path: Path) -> str:
     """Returns the hash of a file and of the files that a .gltf refers to. Uses a cache for unchanged
     files.
     """
-    return _cached_file_hash(_stamp_with_references(path))
+    return _compute_cached_file_hash(_stamp_with_references(path))
 
 
 def _stamp_with_references(path: Path) -> _FileStamps:
@@ -251,7 +251,7 @@ def _stamp_with_references(path: Path) -> _FileStamps:
 
 
 @lru_cache(maxsize=_CACHED_DIGESTS)
-def _cached_file_hash(stamps: _FileStamps) -> str:
+def _compute_cached_file_hash(stamps: _FileStamps) -> str:
     hashes = [_hash_file(Path(name)) for name, _, _ in stamps]
     return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
 

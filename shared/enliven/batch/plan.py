@@ -105,13 +105,13 @@ def plan_jobs(plan: BatchPlan) -> list[BatchJob]:
     ]
     if missing_files:
         listed = ", ".join(missing_files[:_MAX_NAMED_FILES])
-        more = (
+        rest_text = (
             f" and {len(missing_files) - _MAX_NAMED_FILES} more"
             if len(missing_files) > _MAX_NAMED_FILES
             else ""
         )
         raise InputError(
-            f"the plan refers to missing files: {listed}{more}",
+            f"the plan refers to missing files: {listed}{rest_text}",
             where="batch",
             remedy="Correct the paths in the plan.",
         )

@@ -20,7 +20,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from enliven.batch.jobs import BatchJob, JobResult, find_finished_result, run_job
-from enliven.errors import InputError, ResourceError, plain_reason
+from enliven.errors import InputError, ResourceError, find_plain_reason
 from enliven.supervision.lifetime import block_interrupts
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def _result_from_future(future: Any, job: BatchJob) -> JobResult:
     if error is None and future.status == "finished":
         result: JobResult = future.result()
         return result
-    reason = plain_reason(error) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
+    reason = find_plain_reason(error) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
     if type(error).__name__ == "KilledWorker":
         reason = f"{_MAX_WORKER_DEATHS} worker processes ended during this job. The computer may lack memory"
     elif error is None:

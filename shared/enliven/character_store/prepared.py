@@ -51,7 +51,7 @@ class PreparedCharacter:
 
     def pack(self) -> bytes:
         """Returns the data of a file."""
-        parts = tuple(getattr(self, each.name) for each in fields(self))
+        parts = tuple(getattr(self, field.name) for field in fields(self))
         return pickle.dumps(parts, protocol=5)
 
     @classmethod

@@ -61,8 +61,8 @@ class CharacterStore:
 
         For a user without a home folder, the store is disabled.
         """
-        if given := os.environ.get(FOLDER_VARIABLE):
-            return cls(None if given == "off" else Path(given))
+        if folder_name := os.environ.get(FOLDER_VARIABLE):
+            return cls(None if folder_name == "off" else Path(folder_name))
         with contextlib.suppress(RuntimeError):  # The user has no home folder.
             caches = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
             return cls((Path(caches) if caches else Path.home() / ".cache") / "enliven" / "characters")

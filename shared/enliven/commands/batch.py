@@ -88,7 +88,7 @@ def batch(
     from enliven.batch.jobs import find_finished_result
     from enliven.batch.plan import plan_jobs
 
-    chosen_plan = _chosen_plan(plan, motions, characters, output, format)
+    chosen_plan = _load_or_make_plan(plan, motions, characters, output, format)
     options = replace(
         chosen_plan.options, travel=travel or chosen_plan.options.travel, pin=pin or chosen_plan.options.pin
     )
@@ -103,7 +103,7 @@ def batch(
         raise typer.Exit(1)
 
 
-def _chosen_plan(
+def _load_or_make_plan(
     plan: Path | None,
     motions: Path | None,
     characters: Path | None,

@@ -10,7 +10,7 @@ from pathlib import Path
 import typer
 from rich.table import Table
 
-from enliven.commands.terminal import plain_console, plain_text
+from enliven.commands.terminal import make_plain_console, make_plain_text
 from enliven.doctor import Check, run_all_checks
 from enliven.errors import ResourceError
 from enliven.health import Severity
@@ -71,7 +71,7 @@ def doctor(
     if as_json:
         typer.echo(json.dumps([_check_as_json(check) for check in checks], indent=2))
     else:
-        plain_console().print(_check_table(checks))
+        make_plain_console().print(_check_table(checks))
     if not all(check.ok for check in checks):
         raise typer.Exit(_FAILED_CHECK_EXIT_CODE)
 
@@ -112,13 +112,13 @@ def edge_checks(address: str) -> list[Check]:
     except ResourceError as error:
         return [Check("edge", False, f"{error.where}: {error.what}", error.remedy)]
     people = f"{status.performers} performer{'s' * (status.performers != 1)}"
-    ended = status.phase == "ended"
+    has_ended = status.phase == "ended"
     checks = [
         Check(
             "edge",
-            not ended,
+            not has_ended,
             f"{status.edge}: {status.phase}, {people}",
-            "Start the edge again." if ended else "",
+            "Start the edge again." if has_ended else "",
         ),
         Check(
             "sensor",
@@ -183,11 +183,11 @@ def _check_table(checks: list[Check]) -> Table:
     remedy."""
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for check in checks:
-        mark = plain_text("ok", "green") if check.ok else plain_text("missing", "red")
-        detail = plain_text(check.detail)
+        mark = make_plain_text("ok", "green") if check.ok else make_plain_text("missing", "red")
+        detail = make_plain_text(check.detail)
         if not check.ok:
-            detail.append("\n").append(plain_text(check.remedy, "yellow"))
-        table.add_row(mark, plain_text(check.name), detail)
+            detail.append("\n").append(make_plain_text(check.remedy, "yellow"))
+        table.add_row(mark, make_plain_text(check.name), detail)
     return table
 
 

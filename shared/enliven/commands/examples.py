@@ -80,16 +80,16 @@ def new(
     from enliven.example_sessions.tables import MeshTable, TakeTable
     from enliven.example_sessions.text import write_session
     from enliven.meshes import load_mesh
-    from enliven.modeling.puppet.suggest import suggested_puppet
+    from enliven.modeling.puppet.suggest import suggest_puppet
     from enliven.motion_clips.take_files import read_take
 
     mesh_from = MeshTable(_path_from_session(output, mesh), height, _parse_axis(up), turned)
     take_from = TakeTable(_path_from_session(output, take), "", animation, start, end)
     loaded_mesh, notes = load_mesh(mesh)
-    clip, more = read_take(take, animation, start, end)
-    _print_result(*notes, *more)
+    clip, more_notes = read_take(take, animation, start, end)
+    _print_result(*notes, *more_notes)
     project = Project().with_takes(clip)
-    puppet_project = suggested_puppet(
+    puppet_project = suggest_puppet(
         project, fit_mesh(loaded_mesh, mesh_from), clip.id, mesh.stem, points, poses
     )
     write_session(output, puppet_project, mesh.stem, mesh_from, {clip.id: take_from})
@@ -216,8 +216,8 @@ def fit(
 def _path_from_session(session: Path, file: Path) -> str:
     """Returns the path of a file as stored in a session. It is relative to the session's folder if the file
     is near it, and otherwise absolute."""
-    home, there = session.resolve().parent, file.resolve()
-    return there.relative_to(home).as_posix() if there.is_relative_to(home) else there.as_posix()
+    home, target = session.resolve().parent, file.resolve()
+    return target.relative_to(home).as_posix() if target.is_relative_to(home) else target.as_posix()
 
 
 def _parse_axis(name: str) -> Axis:

@@ -108,7 +108,7 @@ def export(
     for note in notes:
         print_line(f"enliven: {note}", err=True)
     performances, representation = [], exporter.representation(morphs)
-    for exportable in _chosen_characters(exportables, exporter, character or [], source):
+    for exportable in _find_chosen_characters(exportables, exporter, character or [], source):
         print_line(f"enliven: sampling {exportable.name}", err=True)
         performances.append(exportable.sample(start, end, rate, representation, exporter.keyed))
     sound_options = {"sound": mix_from(sounds, start)} if exporter.heard and sounds else {}
@@ -139,7 +139,7 @@ def _write_with_progress(
         exporter.save(output, performances, title, progress=show, **options)
 
 
-def _chosen_characters(
+def _find_chosen_characters(
     exportables: list[Exportable], exporter: Exporter, names: list[str], source: Path
 ) -> list[Exportable]:
     """Returns the characters with the given names. Without names, returns all characters that the file format
@@ -154,7 +154,9 @@ def _chosen_characters(
         if name not in by_name:
             remedy = f"Known characters: {', '.join(by_name)}."
             raise InputError(f"the source has no character {name!r}", where=str(source), remedy=remedy)
-    missing_parts = {exportable.name: _missing_part(exportable, exporter) for exportable in exportables}
+    missing_parts = {
+        exportable.name: _describe_missing_part(exportable, exporter) for exportable in exportables
+    }
     fitting = [exportable for exportable in exportables if not missing_parts[exportable.name]]
     unsuitable = [name for name in names or by_name if missing_parts[name]]
     if unsuitable and (names or not fitting):
@@ -181,7 +183,7 @@ def _chosen_characters(
     return chosen_characters
 
 
-def _missing_part(exportable: Exportable, exporter: Exporter) -> str:
+def _describe_missing_part(exportable: Exportable, exporter: Exporter) -> str:
     """Returns the missing part of a character that the exporter requires: "skeleton", "surface", or an empty
     string.
     """

@@ -80,8 +80,8 @@ def list_keys() -> None:
             f"viewer    {fingerprint(viewer.public)}  {viewer.role:7}  {viewer.paired:10}  {viewer.name}"
         )
     for edge in store.load_edges(problems):
-        at = f"{edge.name} at {edge.host}:{edge.control_port}"
-        print_line(f"edge      {fingerprint(edge.public)}  {edge.role:7}  {edge.paired:10}  {at}")
+        edge_text = f"{edge.name} at {edge.host}:{edge.control_port}"
+        print_line(f"edge      {fingerprint(edge.public)}  {edge.role:7}  {edge.paired:10}  {edge_text}")
     for problem in problems:
         print_line(f"enliven: {problem}", err=True)
     if problems:

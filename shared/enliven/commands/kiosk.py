@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from enliven.commands.lazy import installed_commands, run_command
+from enliven.commands.lazy import list_installed_commands, run_command
 from enliven.commands.processes import enliven_command
 from enliven.commands.run import has_display
 from enliven.commands.terminal import print_line
@@ -139,7 +139,7 @@ def _find_lacks(window: bool) -> list[EnlivenError]:
     """Returns an error for each requirement of a kiosk that is missing on this computer: programs, a display,
     or a free screen."""
     problems: list[EnlivenError] = []
-    commands = installed_commands()
+    commands = list_installed_commands()
     required_packages = {
         "edge": "enliven-edge",
         "health": "enliven",

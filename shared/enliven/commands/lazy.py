@@ -53,11 +53,11 @@ class LazyCommands(TyperGroup):
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Returns the names of all installed commands, in the order of ``_COMMAND_ORDER``, then by name."""
-        return list(installed_commands())
+        return list(list_installed_commands())
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Imports and returns the command with that name, or returns None if it does not exist."""
-        entry = installed_commands().get(cmd_name)
+        entry = list_installed_commands().get(cmd_name)
         if entry is not None and cmd_name not in self.commands:
             self.commands[cmd_name] = _load_command(entry)
         return self.commands.get(cmd_name)
@@ -65,8 +65,8 @@ class LazyCommands(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Resolves a command. If the name is misspelt, imports all commands so that the base class can
         suggest one."""
-        if args and args[0] not in installed_commands():
-            for name in installed_commands():
+        if args and args[0] not in list_installed_commands():
+            for name in list_installed_commands():
                 self.get_command(ctx, name)
         return super().resolve_command(ctx, args)
 
@@ -74,11 +74,11 @@ class LazyCommands(TyperGroup):
         """Writes one line for each command without importing the commands."""
         with formatter.section("Commands"):
             formatter.write_dl(
-                [(name, command_summary(entry)) for name, entry in installed_commands().items()]
+                [(name, command_summary(entry)) for name, entry in list_installed_commands().items()]
             )
 
 
-def installed_commands() -> dict[str, EntryPoint]:
+def list_installed_commands() -> dict[str, EntryPoint]:
     """Returns the commands of all installed packages by name, in the order of ``_COMMAND_ORDER``, then by
     name."""
     entries = {entry.name: entry for entry in entry_points(group=ENTRY_POINT_GROUP)}
@@ -103,7 +103,7 @@ def run_command(words: Sequence[str]) -> int:
     """
     name, *arguments = words
     name_program(name)
-    command = _load_command(installed_commands()[name])
+    command = _load_command(list_installed_commands()[name])
     code = command.main(args=arguments, prog_name=f"enliven {name}", standalone_mode=False)
     return code if isinstance(code, int) else 0
 

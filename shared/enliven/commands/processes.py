@@ -53,10 +53,10 @@ def run_together(processes: Sequence[Process]) -> int:
         Supervisor,  # Imported here, so that the list of commands is fast.
     )
 
-    return Supervisor([_supervised_program(process) for process in processes]).run()
+    return Supervisor([_make_supervised_program(process) for process in processes]).run()
 
 
-def _supervised_program(process: Process) -> Program:
+def _make_supervised_program(process: Process) -> Program:
     """Converts a process to a program for the supervisor."""
     from enliven.supervision.child import Program
 

@@ -112,7 +112,7 @@ def run(
     as_film = not has_display() if film is None else film
     if as_film and film is None:
         print_line("enliven: no display was found, so a film is made instead of opening a window")
-    endless = sensor is not None and not any(each.startswith("rehearse=") for each in option or [])
+    endless = sensor is not None and not any(text.startswith("rehearse=") for text in option or [])
     if as_film and endless and seconds is None:
         seconds = _FILM_SECONDS
         print_line(

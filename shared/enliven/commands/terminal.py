@@ -29,7 +29,7 @@ def print_line(line: str, *, err: bool = False) -> None:
     typer.echo(escape_text(line), err=err)
 
 
-def plain_console(*, err: bool = False) -> Console:
+def make_plain_console(*, err: bool = False) -> Console:
     """Returns a console that does not interpret markup or emoji codes in strings.
 
     Args:
@@ -40,7 +40,7 @@ def plain_console(*, err: bool = False) -> Console:
     return Console(stderr=err, markup=False, emoji=False, highlight=False)
 
 
-def plain_text(line: str, style: str = "") -> Text:
+def make_plain_text(line: str, style: str = "") -> Text:
     """Returns one line of text for a table. Unprintable characters are replaced by visible escape codes."""
     from rich.text import Text
 
@@ -53,7 +53,7 @@ def facts_table(facts: Iterable[tuple[str, ...]]) -> Table:
 
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for fact in facts:
-        table.add_row(*map(plain_text, fact))
+        table.add_row(*map(make_plain_text, fact))
     return table
 
 
@@ -71,8 +71,8 @@ def progress_lines(*formats: str, console: Console | None = None, bar: bool = Fa
         """A text column that does not interpret markup, and escapes the values of its task."""
 
         def render(self, task: Task) -> Text:
-            return plain_text(super().render(task).plain)
+            return make_plain_text(super().render(task).plain)
 
     texts = [PlainColumn(text, markup=False) for text in formats]
     columns = (SpinnerColumn(), texts[0], *([BarColumn()] if bar else []), *texts[1:], TimeElapsedColumn())
-    return Progress(*columns, console=console or plain_console(err=True), transient=True)
+    return Progress(*columns, console=console or make_plain_console(err=True), transient=True)

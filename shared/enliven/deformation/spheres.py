@@ -121,8 +121,8 @@ def pack_spheres(
     rows, shares = surface_samples(vertices, faces, 0.5 * radius)
     at_vertices = unit(corner_sums(faces, face_vectors(vertices, faces), len(vertices)))
     points, normals = (
-        _interpolated_values(vertices, rows, shares),
-        unit(_interpolated_values(at_vertices, rows, shares)),
+        _interpolate_values(vertices, rows, shares),
+        unit(_interpolate_values(at_vertices, rows, shares)),
     )
     order = np.random.default_rng(seed).permutation(len(points))
     while True:
@@ -132,7 +132,9 @@ def pack_spheres(
             break
         radius *= _RADIUS_GROWTH_FACTOR
     vertex_shares, share = character.skin.indices.astype(np.int64), character.skin.weights.astype(np.float64)
-    indices, weights = _strongest_nodes(vertex_shares, share, rows[sphere_samples], shares[sphere_samples])
+    indices, weights = _find_strongest_nodes(
+        vertex_shares, share, rows[sphere_samples], shares[sphere_samples]
+    )
     pivots = np.ascontiguousarray(character.pivots, np.float64)
     return SphereProxies(radius, np.ascontiguousarray(inner[sphere_samples]), indices, weights, pivots)
 
@@ -187,14 +189,14 @@ def _barycentric_grid(count: int) -> Float:
     return np.asarray(grid[(grid < count).all(1)] / count)
 
 
-def _interpolated_values(values: Float, rows: Int, weights: Float) -> Float:
+def _interpolate_values(values: Float, rows: Int, weights: Float) -> Float:
     """Returns the values (P, 3) at points inside triangles, interpolated from ``values`` (V, 3) of the
     corners.
     """
     return np.asarray(sum(weights[:, c, None] * values[rows[:, c]] for c in range(3)))
 
 
-def _strongest_nodes(nodes: Int, weights: Float, rows: Int, barycentric: Float) -> tuple[UInt16, Float]:
+def _find_strongest_nodes(nodes: Int, weights: Float, rows: Int, barycentric: Float) -> tuple[UInt16, Float]:
     """Returns (S, 4) nodes and weights of points between vertices: the four with the largest weights of up to
     twelve."""
     indices = np.zeros((len(rows), 4), np.uint16)

@@ -18,7 +18,7 @@ from .constraints import (
     Coupling as Coupling,
     Position as Position,
     Velocity as Velocity,
-    names_in as names_in,
+    list_names_in as list_names_in,
 )
 from .example_settings import ExampleSettings as ExampleSettings
 from .history import History as History
@@ -39,7 +39,7 @@ from .graph.shape import (
     graph_shape_at_rest as graph_shape_at_rest,
     graph_shape_from_poses as graph_shape_from_poses,
 )
-from .graph.stream import PoseStream as PoseStream, keyed_stream as keyed_stream
+from .graph.stream import PoseStream as PoseStream, make_keyed_stream as make_keyed_stream
 from .keys import (
     EASES as EASES,
     CurveKey as CurveKey,
@@ -85,7 +85,7 @@ from .time_map import (
     LayerBase as LayerBase,
     Segment as Segment,
     TimeMap as TimeMap,
-    closing_time as closing_time,
+    compute_closing_time as compute_closing_time,
     ease_in_out as ease_in_out,
     find_clip_run as find_clip_run,
 )

@@ -59,12 +59,12 @@ class FineFrames:
                 remedy="Import the clip again.",
             )
 
-    def scaled(self, scale: float, by: Float) -> FineFrames:
+    def scale_and_move(self, scale: float, by: Float) -> FineFrames:
         """Returns the motion for a skeleton that was scaled, then moved by ``by`` (3,) metres."""
         offsets = None if self.offsets is None else self.offsets * scale
         return replace(self, root=self.root * scale + by, offsets=offsets)
 
-    def between(self, start: float, stop: float) -> FineFrames | None:
+    def cut(self, start: float, stop: float) -> FineFrames | None:
         """Returns the frames from ``start`` to ``stop`` seconds, relative to ``start``, or None if there are
         fewer than two."""
         inside = (self.seconds > start - 1e-9) & (self.seconds < stop + 1e-9)
@@ -113,7 +113,7 @@ class CubicKeys:
         """True if the curve rotates a bone. Otherwise it moves the root."""
         return bool(self.values.shape[1] == 4)
 
-    def at(self, seconds: Float) -> Float:
+    def evaluate(self, seconds: Float) -> Float:
         """Returns the values at times (T,): unit quaternions (T, 4) or metres (T, 3). Before the first and
         after the last key, values are constant.
         """
@@ -149,7 +149,7 @@ class CubicKeys:
         )
         return np.asarray(curve), np.asarray(slope / gap)
 
-    def between(self, start: float, stop: float) -> CubicKeys:
+    def cut(self, start: float, stop: float) -> CubicKeys:
         """Cuts the curve to the range from ``start`` to ``stop`` seconds, with a new key at each cut end.
 
         All keys in the range are kept. A curve piece that was cut gets additional keys, because a part of a
@@ -159,7 +159,9 @@ class CubicKeys:
         if first >= last:
             # All keys are before or after the range, so the curve is constant.
             key_index = np.array([start])
-            return CubicKeys(self.bone, key_index, self.at(key_index), np.zeros((1, 2, self.values.shape[1])))
+            return CubicKeys(
+                self.bone, key_index, self.evaluate(key_index), np.zeros((1, 2, self.values.shape[1]))
+            )
         extra_times = list[Float]()
         for cut in (first, last):
             nearest = int(np.abs(self.seconds - cut).argmin())
@@ -182,13 +184,13 @@ class CubicKeys:
                 is_own & is_own[neighbour_index] & (np.abs(key_index[neighbour_index] - key_index) == 1)
             )
             slopes[is_uncut, side] = own_slopes[is_uncut]
-        return CubicKeys(self.bone, seconds, self.at(seconds), slopes)
+        return CubicKeys(self.bone, seconds, self.evaluate(seconds), slopes)
 
-    def timed(self, speed: float, begin: float) -> CubicKeys:
+    def retime(self, speed: float, begin: float) -> CubicKeys:
         """Returns the curve played ``speed`` times as fast, with its time 0 at ``begin`` seconds."""
         return replace(self, seconds=begin + self.seconds / speed, slopes=self.slopes * speed)
 
-    def scaled(self, scale: float, by: Float) -> CubicKeys:
+    def scale_and_move(self, scale: float, by: Float) -> CubicKeys:
         """Returns the motion for a skeleton that was scaled, then moved by ``by`` (3,) metres."""
         if self.turns:
             return self
@@ -294,7 +296,7 @@ class Clip:
         candidates = (("offsets", self.offsets), ("strains", self.strains))
         return tuple((name, track) for name, track in candidates if track is not None)
 
-    def mapped(self, change: Callable[[Float], Float]) -> Clip:
+    def map_values(self, change: Callable[[Float], Float]) -> Clip:
         """Returns the clip with ``change`` applied to turns, root, offsets and strains."""
         tracks: dict[str, Float] = {name: change(track) for name, track in self.tracks}
         if self.mirrors is not None:

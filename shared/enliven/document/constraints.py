@@ -57,6 +57,6 @@ class Coupling:
 Constraint = Position | Velocity | Coupling
 
 
-def names_in(constraint: Constraint) -> tuple[str, ...]:
+def list_names_in(constraint: Constraint) -> tuple[str, ...]:
     """Returns the names of the control points in a constraint."""
     return (constraint.point, constraint.other) if isinstance(constraint, Coupling) else (constraint.point,)

@@ -151,7 +151,7 @@ class Project:
             self, characters={**self.characters, **{character.id: character for character in characters}}
         )
 
-    def without(self, character_id: str) -> Project:
+    def drop_character(self, character_id: str) -> Project:
         """Returns the project without a character. The takes that it played stay in the project.
 
         Raises:
@@ -188,11 +188,11 @@ class Project:
         candidate = self.characters.get(character_id)
         if isinstance(candidate, rig):
             return candidate
-        names, word = ", ".join(self.of(rig)), getattr(rig, "word", "character")
+        names, word = ", ".join(self.select_kind(rig)), getattr(rig, "word", "character")
         advice = f"The project contains: {names}." if names else f"Add a {word} first."
         raise InputError(f"the project has no {word} {character_id!r}", where="project", remedy=advice)
 
-    def of(self, rig: type[R]) -> dict[str, R]:
+    def select_kind(self, rig: type[R]) -> dict[str, R]:
         """Returns the characters of one kind, by id."""
         return {key: character for key, character in self.characters.items() if isinstance(character, rig)}
 
@@ -211,17 +211,17 @@ class Project:
     @property
     def shapes(self) -> dict[str, RiggedCharacter]:
         """The rigged shapes."""
-        return self.of(RiggedCharacter)
+        return self.select_kind(RiggedCharacter)
 
     @property
     def graphs(self) -> dict[str, GraphCharacter]:
         """The possessed meshes."""
-        return self.of(GraphCharacter)
+        return self.select_kind(GraphCharacter)
 
     @property
     def puppets(self) -> dict[str, ExampleCharacter]:
         """The puppets."""
-        return self.of(ExampleCharacter)
+        return self.select_kind(ExampleCharacter)
 
     @property
     def layer_names(self) -> dict[str, None]:
@@ -230,13 +230,13 @@ class Project:
 
     def length_of(self, layer: LayerBase) -> float:
         """Returns the duration of the take that a layer plays, in seconds."""
-        return self._recorded_clip(layer).duration
+        return self._find_recorded_clip(layer).duration
 
     def take_of(self, layer: LayerBase) -> Clip | PoseStream:
         """Returns the take that a layer plays, with the layer's smoothing applied."""
-        return smooth_take(self._recorded_clip(layer), layer.smooth)
+        return smooth_take(self._find_recorded_clip(layer), layer.smooth)
 
-    def _recorded_clip(self, layer: LayerBase) -> Clip | PoseStream:
+    def _find_recorded_clip(self, layer: LayerBase) -> Clip | PoseStream:
         collection: Mapping[str, Clip | PoseStream] = (
             self.streams if layer.source == "streams" else self.takes
         )

@@ -183,9 +183,9 @@ class ExampleCharacter(RigBase):
         """Returns the key poses in the layer's take, each with its number."""
         return [(number, pose) for number, pose in enumerate(self.poses) if pose.take == layer.take]
 
-    def needed(self) -> Mapping[str, set[str]]:
+    def find_needed_ids(self) -> Mapping[str, set[str]]:
         """Returns the ids of all takes that the puppet refers to, also in its key poses."""
-        ids = super().needed()
+        ids = super().find_needed_ids()
         ids["takes"].update(pose.take for pose in self.poses)
         return ids
 

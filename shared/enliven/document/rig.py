@@ -117,9 +117,9 @@ class RigBase:
         """Returns a copy with some attributes changed."""
         return replace(self, **changes)  # type: ignore[type-var]
 
-    def later(self, delay: float) -> Self:
+    def delay_motion(self, delay: float) -> Self:
         """Returns the character with its motion delayed by ``delay`` seconds."""
-        return self.with_playing(*(layer.later(delay) for layer in self.playing))
+        return self.with_playing(*(layer.add_delay(delay) for layer in self.playing))
 
     def at_rest(self, mesh: Mesh | None) -> tuple[Self, tuple[Any, ...]]:
         """Returns the character without motion and with another mesh of the same vertex count, and the
@@ -127,7 +127,7 @@ class RigBase:
         """
         return self.with_playing().with_changes(mesh=mesh), ()
 
-    def needed(self) -> Mapping[str, set[str]]:
+    def find_needed_ids(self) -> Mapping[str, set[str]]:
         """Returns the ids to which the character refers in the project's collections "takes", "streams" and
         "bodies".
         """
@@ -152,7 +152,7 @@ class RigBase:
         Raises:
             InputError: if a take is missing. The message names it.
         """
-        for collection, names in self.needed().items():
+        for collection, names in self.find_needed_ids().items():
             missing = names - set(held[collection])
             if missing:
                 first_missing = min(missing)

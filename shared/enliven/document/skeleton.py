@@ -90,7 +90,7 @@ class Skeleton:
             )
         return self.names.index(name)
 
-    def below(self, joint: int) -> tuple[int, ...]:
+    def list_subtree(self, joint: int) -> tuple[int, ...]:
         """Returns the joint and all its descendants, ascending."""
         inside = {joint}
         for other in range(joint + 1, len(self)):
@@ -173,7 +173,7 @@ def _depth_first_order(
             fresh.remove(parents[joint])
         for other in reversed(fresh):
             if other in parents:
-                cycle = _closed_cycle(parents, joint, other)
+                cycle = _find_cycle(parents, joint, other)
                 cycle_names = ", ".join(names[i] for i in cycle)
                 advice = "Remove one of the links, because a skeleton must be a tree."
                 raise InputError(f"these joints form a cycle: {cycle_names}", where="skeleton", remedy=advice)
@@ -182,7 +182,7 @@ def _depth_first_order(
     return order, parents
 
 
-def _closed_cycle(parents: dict[int, int], joint: int, other: int) -> list[int]:
+def _find_cycle(parents: dict[int, int], joint: int, other: int) -> list[int]:
     """Returns the joints of the cycle that a link from ``joint`` to ``other`` closes."""
     chains = []
     for end in (joint, other):

@@ -41,5 +41,5 @@ def _compute_smooth_take(take: Any, seconds: float) -> Any:
     # Each rotation has two quaternions, q and -q. Choose the one that is nearer to the previous frame.
     signs = np.where(np.sum(take.turns[1:] * take.turns[:-1], axis=2) < 0.0, -1.0, 1.0)
     accumulated_signs = np.concatenate([np.ones((1, signs.shape[1])), np.cumprod(signs, axis=0)])
-    even = replace(take, turns=take.turns * accumulated_signs[..., None]).mapped(mixed)
+    even = replace(take, turns=take.turns * accumulated_signs[..., None]).map_values(mixed)
     return replace(even, turns=normalized(even.turns))

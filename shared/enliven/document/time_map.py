@@ -49,7 +49,7 @@ class Segment:
         """The time of the take, in seconds, that plays at :attr:`end`."""
         return self.first + (self.end - self.begin) * self.speed
 
-    def second(self, at: float) -> float:
+    def compute_take_time(self, at: float) -> float:
         """Converts a time of the lane to a time of the take, seconds."""
         return self.first + (at - self.begin) * self.speed
 
@@ -137,7 +137,7 @@ class TimeMap:
         segment."""
         return self.segments or (Segment(0.0, length),)
 
-    def ends(self, length: float) -> tuple[float, float]:
+    def compute_ends(self, length: float) -> tuple[float, float]:
         """Returns the times of a take of ``length`` seconds that play at the lane's start and end, in
         seconds."""
         lane = self.lane(length)
@@ -153,7 +153,7 @@ class TimeMap:
         :class:`enliven.motion.layers.timing.LayerClocks` is the compiled version for many layers and times.
         """
         extent, lane = self.extent(length), self.lane(length)
-        lane_time = (self.to_unwarped_time(time) - self.offset) * self.speed + (
+        lane_time = (self.convert_to_unwarped_time(time) - self.offset) * self.speed + (
             extent if self.speed < 0.0 else 0.0
         )
         rounds = math.floor(lane_time / extent) if self.loop and extent > 0.0 else 0
@@ -166,13 +166,17 @@ class TimeMap:
         if self.weights:
             weight *= float(curve_from_keys(self.weights)([time - self.offset])[0])
         # After the end of a clip, its last frame is shown until the next clip begins.
-        second = _clamp_second(current.second(min(max(lane_time, current.begin), current.end)), length)
+        second = _clamp_second(
+            current.compute_take_time(min(max(lane_time, current.begin), current.end)), length
+        )
         if number and lane_time < previous.end:
             fraction = ease_in_out((lane_time - current.begin) / (previous.end - current.begin))
-            return Moment(_clamp_second(previous.second(lane_time), length), second, fraction, rounds, weight)
+            return Moment(
+                _clamp_second(previous.compute_take_time(lane_time), length), second, fraction, rounds, weight
+            )
         return Moment(second, second, 0.0, rounds, weight)
 
-    def to_unwarped_time(self, time: float) -> float:
+    def convert_to_unwarped_time(self, time: float) -> float:
         """Converts a time of the project to the time at which the same frame would play without speed keys.
 
         The result increases with the time. At the offset, both times are equal.
@@ -181,9 +185,9 @@ class TimeMap:
             return time
         return self.offset + float(curve_from_keys(self.speeds).integrate([time - self.offset])[0])
 
-    def to_warped_time(self, time: float) -> float:
+    def convert_to_warped_time(self, time: float) -> float:
         """Converts a time without speed keys to a time of the project. It is the inverse of
-        :meth:`to_unwarped_time`.
+        :meth:`convert_to_unwarped_time`.
         """
         return (
             self.offset + curve_from_keys(self.speeds).time_at_integral(time - self.offset)
@@ -209,7 +213,7 @@ class TimeMap:
             else 1.0
         )
 
-    def played(self, time: float, length: float) -> tuple[float, int]:
+    def find_played_time(self, time: float, length: float) -> tuple[float, int]:
         """Returns the time within a take of ``length`` seconds that has the largest weight at a time of the
         project.
 
@@ -234,7 +238,7 @@ class TimeMap:
         ]
         lane_time = min(playing_times) if playing_times else lane_times[0]
         lane_time -= self.extent(length) if self.speed < 0.0 else 0.0
-        return self.to_warped_time(self.offset + lane_time / self.speed)
+        return self.convert_to_warped_time(self.offset + lane_time / self.speed)
 
     def plays(self, second: float, length: float) -> bool:
         """Returns True if a time of the take is played at some time. It is not played if it was trimmed
@@ -245,14 +249,14 @@ class TimeMap:
     def compute_loop_duration(self, length: float) -> float:
         """Returns the duration of one loop with a take of ``length`` seconds, in seconds of the project."""
         lasts = self.extent(length) / abs(self.speed)
-        return self.to_warped_time(self.offset + lasts) - self.offset if self.speeds else lasts
+        return self.convert_to_warped_time(self.offset + lasts) - self.offset if self.speeds else lasts
 
     def end(self, length: float) -> float:
         """Returns the time of the project at which a lane with a take of ``length`` seconds has been played
         once."""
         return self.offset + self.compute_loop_duration(length)
 
-    def later(self, delay: float) -> Self:
+    def add_delay(self, delay: float) -> Self:
         """Returns the time map delayed by ``delay`` seconds."""
         return replace(self, offset=self.offset + delay)
 
@@ -269,7 +273,7 @@ class TimeMap:
             first, faster = (segment.first if speed > 0.0 else segment.last), segment.speed * speed
             if self.speeds:
                 faster *= high - low
-                low, high = self.to_warped_time(low), self.to_warped_time(high)
+                low, high = self.convert_to_warped_time(low), self.convert_to_warped_time(high)
                 faster /= high - low
             segments.append(Segment(low, high, first, faster))
         return tuple(sorted(segments, key=lambda one: one.begin))
@@ -302,12 +306,12 @@ class TimeMap:
 
         Args:
             change: a function that edits the layer without these keys. The times of this layer are those that
-                :meth:`to_unwarped_time` returns.
+                :meth:`convert_to_unwarped_time` returns.
         """
-        changed = change(self._without_keys())
+        changed = change(self._remove_keys())
         if not (self.weights or self.speeds):
             return changed
-        new_begin = self.to_warped_time(changed.offset)
+        new_begin = self.convert_to_warped_time(changed.offset)
         shift = new_begin - self.offset
 
         def shifted(keys: Sequence[CurveKey]) -> tuple[CurveKey, ...]:
@@ -315,7 +319,7 @@ class TimeMap:
 
         return replace(changed, offset=new_begin, weights=shifted(self.weights), speeds=shifted(self.speeds))
 
-    def _without_keys(self) -> Self:
+    def _remove_keys(self) -> Self:
         return replace(self, weights=(), speeds=())
 
     def list_timing_values(self) -> tuple[object, ...]:
@@ -358,7 +362,7 @@ class LayerBase(TimeMap):
         return replace(self, take=names[self.source, self.take])  # type: ignore[call-arg]
 
 
-def closing_time(loop_lengths: Sequence[float], min_time: float) -> float:
+def compute_closing_time(loop_lengths: Sequence[float], min_time: float) -> float:
     """Returns a time, at least ``min_time``, at which loops of these lengths all start together again, at
     least nearly.
 

@@ -51,7 +51,7 @@ def fit_mesh(mesh: Mesh, table: MeshTable) -> Mesh:
     return mesh
 
 
-def nearest_vertex(mesh: Mesh, place: Float) -> int:
+def find_nearest_vertex(mesh: Mesh, place: Float) -> int:
     """Returns the vertex nearest to a position (3,). Only vertices that belong to a face count."""
     used_vertices = np.unique(mesh.faces)
     return int(used_vertices[np.linalg.norm(mesh.vertices[used_vertices] - place, axis=1).argmin()])

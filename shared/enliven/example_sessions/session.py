@@ -43,7 +43,7 @@ import numpy as np
 from enliven.document import ExampleCharacter, Plane, Project, RootLayer, clip_from_keys, unused
 from enliven.errors import InputError
 from enliven.example_sessions.file import SessionFile
-from enliven.example_sessions.mesh import load_session_mesh, nearest_vertex
+from enliven.example_sessions.mesh import find_nearest_vertex, load_session_mesh
 from enliven.example_sessions.tables import (
     INNER_TABLES,
     ROOT_INNER_TABLES,
@@ -165,7 +165,7 @@ class _Reader:
                 remedy="Set vertex = 4711 or at = [x, y, z].",
             )
         if vertex is None:
-            vertex = nearest_vertex(self._puppet.mesh, np.array(table.at))
+            vertex = find_nearest_vertex(self._puppet.mesh, np.array(table.at))
         self._project = add_point(self._project, self._name, vertex, table.name, table.joint, table.foot)
         point = self._puppet.points[-1].name
         self._project = change_point(self._project, self._name, point, weight=table.weight)

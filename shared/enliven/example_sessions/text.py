@@ -92,18 +92,18 @@ def session_text(
     Args:
         keys: keys of the takes that rotate and move the whole puppet, by the takes' names.
     """
-    lines = [_FILE_HEADER, "[mesh]", *_changed_lines(mesh)]
+    lines = [_FILE_HEADER, "[mesh]", *_format_changed_lines(mesh)]
     for name, take in takes.items():
-        lines += ["", "[[take]]", *_changed_lines(dataclasses.replace(take, name=name))]
-    lines += ["", "[puppet]", f"name = {_as_toml(puppet.id)}"]
+        lines += ["", "[[take]]", *_format_changed_lines(dataclasses.replace(take, name=name))]
+    lines += ["", "[puppet]", f"name = {_convert_to_toml(puppet.id)}"]
     for key in ("place", "turn"):
-        lines.append(f"{key} = {_as_toml(getattr(puppet, key).tolist())}")
+        lines.append(f"{key} = {_convert_to_toml(getattr(puppet, key).tolist())}")
     for point in puppet.points:
-        lines += ["", "[[point]]", *_changed_lines(point)]
+        lines += ["", "[[point]]", *_format_changed_lines(point)]
     for pose in puppet.poses:
         lines += ["", *_pose_lines(pose, puppet)]
     if puppet.symmetry is not None:
-        lines += ["", "[symmetry]", *_changed_lines(puppet.symmetry)]
+        lines += ["", "[symmetry]", *_format_changed_lines(puppet.symmetry)]
     for name in ("surface", "examples", "locomotion"):
         lines += _settings_lines(f"settings.{name}", getattr(puppet, name), getattr(SettingsTable(), name))
     for layer in puppet.layers:
@@ -122,24 +122,24 @@ def list_used_takes(puppet: ExampleCharacter) -> list[str]:
 
 
 def _pose_lines(pose: KeyPose, puppet: ExampleCharacter) -> list[str]:
-    lines = ["[[pose]]", f"take = {_as_toml(pose.take)}", f"time = {_as_toml(pose.time)}"]
+    lines = ["[[pose]]", f"take = {_convert_to_toml(pose.take)}", f"time = {_convert_to_toml(pose.time)}"]
     # If a control point was not moved, write its rest position, which is easier to edit than a zero
     # displacement.
     is_at_rest = np.array_equal(pose.places, puppet.rest)
     lines += [f"[pose.{'moves' if is_at_rest else 'places'}]"] if puppet.points else []
     rows = np.zeros_like(pose.places) if is_at_rest else pose.places
     for point, place in zip(puppet.points, rows.tolist(), strict=True):
-        lines.append(f"{_as_toml(point.name)} = {_as_toml(place)}")
+        lines.append(f"{_convert_to_toml(point.name)} = {_convert_to_toml(place)}")
     return lines
 
 
 def _layer_lines(layer: PuppetLayer) -> list[str]:
     """Returns the TOML lines of a layer and of the tables inside it. Arrays of tables come last."""
-    lines = ["[[layer]]", *_changed_value_lines(layer, LayerTable)]
+    lines = ["[[layer]]", *_format_changed_value_lines(layer, LayerTable)]
     inner = {name: getattr(layer, attribute) for name, (attribute, _) in INNER_TABLES.items()}
     # Write an empty list of switches explicitly, because switches are detected if the entry is missing.
     lines += ["switch = []"] if inner["switch"] == () else []
-    return lines + _inner_table_lines("layer", inner)
+    return lines + _format_inner_table_lines("layer", inner)
 
 
 def _root_layer_lines(layer: RootLayer, keys: Sequence[MotionKey]) -> list[str]:
@@ -150,38 +150,38 @@ def _root_layer_lines(layer: RootLayer, keys: Sequence[MotionKey]) -> list[str]:
     }
     return [
         "[[root]]",
-        *_changed_value_lines(layer, RootTable),
-        *_inner_table_lines("root", {"key": keys, **inner}),
+        *_format_changed_value_lines(layer, RootTable),
+        *_format_inner_table_lines("root", {"key": keys, **inner}),
     ]
 
 
-def _changed_value_lines(layer: Any, table: type) -> list[str]:
+def _format_changed_value_lines(layer: Any, table: type) -> list[str]:
     """Returns the TOML lines of a layer's values that differ from the table's defaults."""
     lines = []
     for field in dataclasses.fields(table):
         value = getattr(layer, field.name)
         value = tuple(value.tolist()) if isinstance(value, np.ndarray) else value
         if value != field.default:
-            lines.append(f"{field.name} = {_as_toml(value)}")
+            lines.append(f"{field.name} = {_convert_to_toml(value)}")
     return lines
 
 
-def _inner_table_lines(title: str, tables: Mapping[str, Any]) -> list[str]:
+def _format_inner_table_lines(title: str, tables: Mapping[str, Any]) -> list[str]:
     """Returns the TOML lines of the tables inside a layer."""
     lines = list[str]()
     for name, items in tables.items():
         for item in items or ():
-            lines += [f"[[{title}.{name}]]", *_changed_lines(item)]
+            lines += [f"[[{title}.{name}]]", *_format_changed_lines(item)]
     return lines
 
 
-def _changed_lines(values: Any) -> list[str]:
+def _format_changed_lines(values: Any) -> list[str]:
     """Returns the TOML lines of a dataclass's values that differ from their defaults."""
     lines = []
     for field in dataclasses.fields(values):
         value = getattr(values, field.name)
         if value is not None and value != field.default:
-            lines.append(f"{field.name} = {_as_toml(value)}")
+            lines.append(f"{field.name} = {_convert_to_toml(value)}")
     return lines
 
 
@@ -193,10 +193,10 @@ def _settings_lines(title: str, values: Any, usual: Any) -> list[str]:
         if dataclasses.is_dataclass(value):
             groups += _settings_lines(f"{title}.{field.name}", value, default)
         elif value != default:
-            own_lines.append(f"{field.name} = {_as_toml(value)}")
+            own_lines.append(f"{field.name} = {_convert_to_toml(value)}")
     return (["", f"[{title}]", *own_lines] if own_lines else []) + groups
 
 
-def _as_toml(value: Any) -> str:
+def _convert_to_toml(value: Any) -> str:
     """Returns a value as TOML. Strings, numbers, booleans and arrays have the same form as in JSON."""
     return json.dumps(value, ensure_ascii=False)

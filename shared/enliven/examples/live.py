@@ -57,13 +57,13 @@ class LiveExamples:
         # Drop the oldest frames. The remaining accelerations do not depend on them.
         obsolete_count = max(solved.shape[1] - _AFFECTED_FRAMES, 0)
         self._poses, self._out = poses[obsolete_count:], solved[:, obsolete_count:]
-        return np.asarray(self.mapping.to_metres(places[:, fixed_count : fixed_count + 1])[0])
+        return np.asarray(self.mapping.convert_to_metres(places[:, fixed_count : fixed_count + 1])[0])
 
     def finish(self) -> Float:
         """Returns the control points (L, P, 3) of the remaining frames, metres, and resets the state."""
         fixed_count = self._out.shape[1]
         due = (
-            self.mapping.to_metres(self._solve_points(self._poses)[:, fixed_count:])
+            self.mapping.convert_to_metres(self._solve_points(self._poses)[:, fixed_count:])
             if len(self._poses)
             else self._poses
         )

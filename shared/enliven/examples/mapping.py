@@ -13,7 +13,7 @@ from concurrent.futures import Executor
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Constraint, ExampleSettings, names_in
+from enliven.document import Constraint, ExampleSettings, list_names_in
 from enliven.errors import InputError
 from enliven.examples.poses import Examples
 from enliven.examples.spacetime.bounded import BoundedQuadratics
@@ -59,11 +59,15 @@ class ExampleMap:
         poses = self.check_poses(poses)
         conditions = convert_constraints(constraints, self.examples, len(poses), step)
         if known is None:
-            return self.to_metres(self.solve_checked_poses(poses, conditions, step, workers).places)
+            return self.convert_to_metres(self.solve_checked_poses(poses, conditions, step, workers).places)
         constrained_points = sorted(
-            {self.examples.point(name) for constraint in constraints for name in names_in(constraint)}
+            {
+                self.examples.find_point(name)
+                for constraint in constraints
+                for name in list_names_in(constraint)
+            }
         )
-        solution_m = self.to_metres(
+        solution_m = self.convert_to_metres(
             self.solve_checked_poses(poses, conditions, step, workers, constrained_points).places
         )
         other_points = np.setdiff1d(np.arange(solution_m.shape[1]), constrained_points)
@@ -115,7 +119,7 @@ class ExampleMap:
         nearest = Nearest(self.examples, self.settings, poses)
         return solve(nearest.nodes, conditions, weight, bounds, workers, only)
 
-    def to_metres(self, places: Float) -> Float:
+    def convert_to_metres(self, places: Float) -> Float:
         """Converts positions (P, F, 3) in units of the mesh's size to (F, P, 3) metres in the mesh's
         frame.
         """

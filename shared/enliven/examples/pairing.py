@@ -166,9 +166,9 @@ def guess_joints(
     candidates = candidates or _joint_costs(anatomy, skeleton)
     rows_wanted = list(range(len(rest))) if requested_points is None else list(requested_points)
     immobile = {skeleton.index(name) for name in {*still_joints} - {root}}
-    candidates = _usable_candidates(candidates, immobile, rows_wanted, partners, skeleton) or candidates
-    bounds_points, ours = level, _normalize_points(rest, rest[rows_wanted])
-    base = np.zeros(len(ours), np.bool_)
+    candidates = _find_usable_candidates(candidates, immobile, rows_wanted, partners, skeleton) or candidates
+    bounds_points, joint_positions = level, _normalize_points(rest, rest[rows_wanted])
+    base = np.zeros(len(joint_positions), np.bool_)
     long = float(np.ptp(rest[:, [0, 2]], axis=0).max())
     sides = _point_sides(_normalize_points(rest, rest), partners)
     if (
@@ -177,15 +177,15 @@ def guess_joints(
     ):
         # A mesh that stands on a single foot, like a chess piece, has a head and hips, but no legs.
         upper = _upper_body_candidates(candidates, anatomy, skeleton)
-        if len(upper) >= len(ours):
+        if len(upper) >= len(joint_positions):
             candidates, bounds_points = upper, level[[candidate.joint for candidate in upper]]
-            base[ours[:, 1].argmin()] = True
+            base[joint_positions[:, 1].argmin()] = True
     joints = [candidate.joint for candidate in candidates]
-    theirs = _normalize_points(bounds_points, level[joints])
-    distances = np.abs(ours[:, None] - theirs[None]) @ [_WIDTH_WEIGHT, 1.0, _DEPTH_WEIGHT]
+    point_positions = _normalize_points(bounds_points, level[joints])
+    distances = np.abs(joint_positions[:, None] - point_positions[None]) @ [_WIDTH_WEIGHT, 1.0, _DEPTH_WEIGHT]
     side_difference = np.abs(sides[rows_wanted][:, None] - [candidate.side for candidate in candidates])
     feet = foot_joints(skeleton)
-    base_mismatch = (ours[:, 1] < _BASE_HEIGHT_FRACTION)[:, None] != [
+    base_mismatch = (joint_positions[:, 1] < _BASE_HEIGHT_FRACTION)[:, None] != [
         skeleton.names[joint] in feet for joint in joints
     ]
     acting = 1.0 if motion is None else max((motion.relative_variances[name] for name in feet), default=0.0)
@@ -202,7 +202,7 @@ def guess_joints(
         cost += np.where(base[:, None], 0.0, quiet)
     for column, joint in enumerate(joints):
         if skeleton.names[joint] in still_joints:
-            cost[~base | (ours[:, 1] > _BASE_HEIGHT_FRACTION), column] += _LAST_RESORT_COST
+            cost[~base | (joint_positions[:, 1] > _BASE_HEIGHT_FRACTION), column] += _LAST_RESORT_COST
     rows, columns = _point_units(rows_wanted, partners), [(column,) for column in range(len(joints))]
     if partners is not None:
         columns = _joint_units(joints, anatomy, skeleton)
@@ -231,7 +231,9 @@ def keep_one_point_per_hand(skeleton: Skeleton, joints: Sequence[str], partners:
         partners: (P,) the mirror image of each point, which is kept or dropped together with it.
     """
     anatomy = find_anatomy(skeleton)
-    parts = {joint: limb.chain[-1] for limb in _all_limbs(anatomy) for joint in _hand_joints(skeleton, limb)}
+    parts = {
+        joint: limb.chain[-1] for limb in _list_all_limbs(anatomy) for joint in _hand_joints(skeleton, limb)
+    }
     joint_of_part, dropped = dict[int, str](), set[int]()
     for number, joint in enumerate(joints):
         part = parts.get(skeleton.index(joint))
@@ -260,7 +262,7 @@ def _assign_units(cost: Float, rows: Sequence[_Unit], columns: Sequence[_Unit]) 
     return chosen
 
 
-def _usable_candidates(
+def _find_usable_candidates(
     candidates: list[_Candidate],
     still: Collection[int],
     requested_points: Sequence[int],
@@ -333,7 +335,9 @@ def _joint_units(joints: Sequence[int], anatomy: Anatomy, skeleton: Skeleton) ->
 
 def _side_joints(anatomy: Anatomy, skeleton: Skeleton) -> set[int]:
     """Returns the joints of paired limbs, with all joints below them."""
-    return {joint for limb in _all_limbs(anatomy) for joint in skeleton.below(_limb_joints(limb)[0])}
+    return {
+        joint for limb in _list_all_limbs(anatomy) for joint in skeleton.list_subtree(_limb_joints(limb)[0])
+    }
 
 
 def _mirror_images(anatomy: Anatomy, count: int) -> Int:
@@ -347,7 +351,7 @@ def _mirror_images(anatomy: Anatomy, count: int) -> Int:
     return images
 
 
-def _all_limbs(anatomy: Anatomy) -> Iterable[SkeletonLimb]:
+def _list_all_limbs(anatomy: Anatomy) -> Iterable[SkeletonLimb]:
     return (limb for pair in anatomy.pairs for limb in pair)
 
 
@@ -363,7 +367,7 @@ def _hand_joints(skeleton: Skeleton, limb: SkeletonLimb) -> set[int]:
         ),
         None,
     )
-    return set(skeleton.below(first)) if first is not None else {limb.chain[-1]}
+    return set(skeleton.list_subtree(first)) if first is not None else {limb.chain[-1]}
 
 
 def _limb_joints(limb: SkeletonLimb) -> tuple[int, ...]:
@@ -384,7 +388,7 @@ def _stands_on_feet(points: Float, sides: Float) -> bool:
 
 def _upper_body_candidates(found: list[_Candidate], anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
     """Returns the candidates without the joints of legs, and sets the cost of the hips to zero."""
-    legs = {joint for pair in anatomy.legs for limb in pair for joint in skeleton.below(limb.chain[1])}
+    legs = {joint for pair in anatomy.legs for limb in pair for joint in skeleton.list_subtree(limb.chain[1])}
     upper = [candidate for candidate in found if candidate.joint not in legs]
     return [
         candidate._replace(cost=0.0) if candidate.joint == anatomy.trunk[0] else candidate

@@ -47,7 +47,7 @@ def extract_performer_clip(clip: Clip, joints: Sequence[str]) -> PerformerClip:
     numbers = [clip.skeleton.index(name) for name in joints]
     world = joint_places(clip, numbers)[:, numbers]
     yaw = np.unwrap(yaw_from_rotation(clip.turns[:, 0]))
-    return PerformerClip(to_body_frame(world, clip.root, yaw), world, clip.root, yaw, clip.step)
+    return PerformerClip(convert_to_body_frame(world, clip.root, yaw), world, clip.root, yaw, clip.step)
 
 
 def yaw_from_rotation(turns: Float) -> Float:
@@ -57,7 +57,7 @@ def yaw_from_rotation(turns: Float) -> Float:
     return np.asarray(2.0 * np.arctan2(turns[..., 2], turns[..., 0]))
 
 
-def to_body_frame(places: Float, root: Float, yaw: Float) -> Float:
+def convert_to_body_frame(places: Float, root: Float, yaw: Float) -> Float:
     """Converts world positions (F, P, 3) to the body frame: relative to the root (F, 3), and rotated back by
     the yaw (F,)."""
     return rotate_about_y(places - root[:, None], -np.asarray(yaw)[:, None])

@@ -85,11 +85,11 @@ def match_performer(
             own_joints.append(skeleton.names[counterpart])
             notes.append(f"{take_name}: the joint {own_joints[-1]!r} is used instead of {name!r}")
     factors = np.ones(len(joints))
-    for k, (name, mine) in enumerate(zip(joints, own_joints, strict=True)):
+    for k, (name, own_joint) in enumerate(zip(joints, own_joints, strict=True)):
         if name in reference.names:
             reference_reach, own_reach = (
                 _distance_from_root(reference, name),
-                _distance_from_root(skeleton, mine),
+                _distance_from_root(skeleton, own_joint),
             )
             factors[k] = reference_reach / own_reach if reference_reach > 0.0 and own_reach > 0.0 else 1.0
     parts = parts or (find_anatomy(reference), find_anatomy(skeleton))

@@ -62,7 +62,7 @@ class Examples:
         """Root-mean-square distance of the control points from their centre, metres."""
         return _pose_size(self.targets - self.targets.mean((0, 1)))
 
-    def point(self, name: str) -> int:
+    def find_point(self, name: str) -> int:
         """Returns the number of a control point.
 
         Raises:

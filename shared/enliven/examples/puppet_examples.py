@@ -122,14 +122,14 @@ def build_examples(
     names = tuple(point.name for point in points)
     reference = find_reference_skeleton([take.skeleton for take in takes], joints)
     targets = np.stack([pose.places for pose in poses])
-    examples = Examples(joints, names, _performed_key_poses(takes, poses, joints, reference), targets)
+    examples = Examples(joints, names, _list_performed_key_poses(takes, poses, joints, reference), targets)
     if symmetry is None:
         return examples
     plane_point, plane_normal = np.array(symmetry.point), np.array(symmetry.normal)
     rest = mesh.vertices[[point.vertex for point in points]]
     partners = find_partners(rest, plane_point, plane_normal, names=names)
     return add_mirror_images(
-        examples, partners, rest, plane_normal, _left_right_axis(reference, joints, partners)
+        examples, partners, rest, plane_normal, _compute_left_right_axis(reference, joints, partners)
     )
 
 
@@ -143,7 +143,9 @@ def select_pairs(examples: Examples, pairs: Sequence[int]) -> Examples:
     return Examples(joints, points, sources[kept_numbers], targets[kept_numbers])
 
 
-def _left_right_axis(reference: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> Float | None:
+def _compute_left_right_axis(
+    reference: Skeleton, joints: Sequence[str], partners: Sequence[int]
+) -> Float | None:
     """Returns the performer's horizontal left-right axis (3,). It is measured at rest, because during a
     stride the feet are farther apart in depth than in width.
     """
@@ -194,7 +196,7 @@ def find_missing(
         joint_names = find_reference_skeleton(skeletons, [point.joint for point in points]).names
         sentences += [
             f"Pair {point.name!r} with another joint: the performer of the key poses has no {point.joint!r}"
-            f"{_similar_names(point.joint, joint_names)}."
+            f"{_find_similar_names(point.joint, joint_names)}."
             for point in points
             if point.joint and point.joint not in joint_names
         ]
@@ -213,7 +215,7 @@ def find_missing(
     return tuple(sentences)
 
 
-def _similar_names(name: str, known: Sequence[str]) -> str:
+def _find_similar_names(name: str, known: Sequence[str]) -> str:
     """Returns similar names as part of a sentence: names with the same words in another order, or else the
     most similarly spelt names.
     """
@@ -239,7 +241,7 @@ def find_nearest_frame(clip: Clip, seconds: float) -> int:
     return frame
 
 
-def _performed_key_poses(
+def _list_performed_key_poses(
     takes: Sequence[Clip], poses: Sequence[KeyPose], joints: tuple[str, ...], reference: Skeleton
 ) -> Float:
     """Returns the paired joints (n, P, 3) at the key poses, in the body frame, converted to the reference
@@ -250,6 +252,6 @@ def _performed_key_poses(
         pose_numbers = [n for n, other in enumerate(takes) if other is take]
         frames = [find_nearest_frame(take, poses[n].time) for n in pose_numbers]
         role = match_performer(reference, take.skeleton, joints, take.id)
-        clip = take.mapped(itemgetter(frames))
+        clip = take.map_values(itemgetter(frames))
         all_poses[pose_numbers] = role.convert_poses(extract_performer_clip(clip, role.joints).poses)
     return all_poses

@@ -53,7 +53,7 @@ def solve_layer_motion(project: Project, puppet: ExampleCharacter, layer: int) -
     Raises:
         InputError: if the puppet or the layer lacks data, or constraints contradict one another.
     """
-    return _cached_motion(collect_motion_inputs(project, puppet, _find_layer(puppet, layer)))
+    return _get_cached_motion(collect_motion_inputs(project, puppet, _find_layer(puppet, layer)))
 
 
 def evaluate_state(project: Project, puppet: ExampleCharacter, time: float) -> PuppetState:
@@ -69,7 +69,7 @@ def evaluate_state(project: Project, puppet: ExampleCharacter, time: float) -> P
             continue
         motion = solve_layer_motion(project, puppet, number)
         length = (motion.frames - 1) * motion.step
-        loop_moment, ends = layer.moment(time, length), layer.ends(length)
+        loop_moment, ends = layer.moment(time, length), layer.compute_ends(length)
         moved_points, frames = list(motion.points), [motion.frame_of(loop_moment.second)]
         weights = [1.0]
         if loop_moment.share > 0.0:
@@ -77,9 +77,11 @@ def evaluate_state(project: Project, puppet: ExampleCharacter, time: float) -> P
                 [*frames, motion.frame_of(loop_moment.other)],
                 [1.0 - loop_moment.share, loop_moment.share],
             )
-        played = sum(weight * motion.places_at(frame) for weight, frame in zip(weights, frames, strict=True))
+        mean_places = sum(
+            weight * motion.places_at(frame) for weight, frame in zip(weights, frames, strict=True)
+        )
         places[moved_points] += (
-            layer.weight * loop_moment.weight * (np.asarray(played)[moved_points] - places[moved_points])
+            layer.weight * loop_moment.weight * (np.asarray(mean_places)[moved_points] - places[moved_points])
         )
         if motion.travels:
             # The layers that travel determine the path. The first of them dominates, in proportion to its
@@ -97,11 +99,11 @@ def evaluate_state(project: Project, puppet: ExampleCharacter, time: float) -> P
 def loop_position(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tuple[float, int]:
     """Returns the fractional frame of the take that a layer plays at ``time`` (seconds), and the number of
     completed loops."""
-    second, rounds = layer.played(time, (motion.frames - 1) * motion.step)
+    second, rounds = layer.find_played_time(time, (motion.frames - 1) * motion.step)
     return motion.frame_of(second), rounds
 
 
-def to_world_frame(puppet: ExampleCharacter, state: PuppetState, points: AnyArray) -> Float:
+def convert_to_world_frame(puppet: ExampleCharacter, state: PuppetState, points: AnyArray) -> Float:
     """Converts points (..., 3) in the mesh's frame to (..., 3) metres in the world."""
     local = rotate_about_y(np.asarray(points, np.float64), np.asarray(state.yaw)) + state.root
     return np.asarray(rotate(puppet.turn, local) + puppet.place)
@@ -115,7 +117,7 @@ def pose_of_state(puppet: ExampleCharacter, state: PuppetState, time_ns: int = 0
     turn = multiply(puppet.turn, from_rotation_vector(np.array([0.0, state.yaw, 0.0])))
     linear = np.tile(to_matrix(turn).astype(np.float32), (len(puppet.points) + 1, 1, 1))
     places = np.concatenate([np.zeros((1, 3)), state.places])
-    return Pose(puppet.id, time_ns, linear, to_world_frame(puppet, state, places).astype(np.float32))
+    return Pose(puppet.id, time_ns, linear, convert_to_world_frame(puppet, state, places).astype(np.float32))
 
 
 def _find_layer(puppet: ExampleCharacter, number: int) -> PuppetLayer:
@@ -127,5 +129,5 @@ def _find_layer(puppet: ExampleCharacter, number: int) -> PuppetLayer:
 
 
 @lru_cache(maxsize=_CACHED_MOTIONS)
-def _cached_motion(material: MotionInputs) -> PuppetMotion:
+def _get_cached_motion(material: MotionInputs) -> PuppetMotion:
     return solve_motion(material)

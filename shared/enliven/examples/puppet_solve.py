@@ -130,7 +130,7 @@ class _MotionSolve:
         mixed = self._rest + self._layer.weight * (places - self._rest)
         if self._performer_feet is None:
             no_root = np.zeros((len(places), 3))
-            return PlacedMotion(rotate_about_y(mixed, yaw[:, None]), no_root, _no_anchors(places), ())
+            return PlacedMotion(rotate_about_y(mixed, yaw[:, None]), no_root, _make_empty_anchors(places), ())
         placed = self._performer_feet.place_in_world(
             mixed, yaw, self._alternating_stance, self._layer.switches
         )
@@ -142,7 +142,7 @@ class _MotionSolve:
         rotated = placed.world - placed.root[:, None]
         base_drift = rotated[:, self._feet].mean(1) - rotated[0, self._feet].mean(0)
         root = np.where([True, False, True], -base_drift, placed.root)
-        return replace(placed, root=root, world=rotated + root[:, None], anchors=_no_anchors(places))
+        return replace(placed, root=root, world=rotated + root[:, None], anchors=_make_empty_anchors(places))
 
     @cached_property
     def path(self) -> Complex:
@@ -253,7 +253,7 @@ class _MotionSolve:
     def create_motion(self, places: Float, placed: PlacedMotion | None, yaw: Float) -> PuppetMotion:
         """Returns the solved motion, with read-only arrays, since all callers share it."""
         no_root, path = np.zeros((len(places), 3)), floor_from_complex(self.path)
-        world_path = (no_root, no_root, _no_anchors(places), ())
+        world_path = (no_root, no_root, _make_empty_anchors(places), ())
         if placed:
             world_path = (placed.root, path, placed.anchors, placed.switches)
         common = (self.converted_take.step, tuple(self._moved), places, self._rest, self._layer.weight, yaw)
@@ -262,7 +262,7 @@ class _MotionSolve:
         return PuppetMotion(*common, *world_path, self.travels, self._role.notes)
 
 
-def _no_anchors(places: Float) -> Int:
+def _make_empty_anchors(places: Float) -> Int:
     """Returns the anchors (F,) of a motion (F, P, 3) in which no foot ever stands. All are -1."""
     return np.full(len(places), -1, np.int64)
 

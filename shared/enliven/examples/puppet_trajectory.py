@@ -51,7 +51,7 @@ class PuppetMotion:
         """The number of frames."""
         return len(self.places)
 
-    def at(self, seconds: float) -> tuple[Float, float, Float]:
+    def interpolate(self, seconds: float) -> tuple[Float, float, Float]:
         """Returns control points (P, 3), yaw and root (3,) at a time of the take, clamped to its first and
         last frame."""
         frame = float(np.clip(seconds / self.step, 0.0, self.frames - 1))
@@ -59,8 +59,8 @@ class PuppetMotion:
 
     def places_at(self, frame: float) -> Float:
         """Returns the control points (P, 3) in metres, interpolated at a fractional frame."""
-        before, after, part = self._frames_around(frame)
-        return np.asarray((1.0 - part) * self.places[before] + part * self.places[after])
+        previous, following, part = self._frames_around(frame)
+        return np.asarray((1.0 - part) * self.places[previous] + part * self.places[following])
 
     def frame_of(self, second: float) -> float:
         """Returns the fractional frame at a second of the take."""
@@ -75,16 +75,16 @@ class PuppetMotion:
         ``ends`` are two times in seconds. None loops the whole take. The anchor stays in place also between
         frames.
         """
-        before, after, part = self._frames_around(frame)
-        yaw = float((1.0 - part) * self.yaw[before] + part * self.yaw[after])
-        root = (1.0 - part) * self.root[before] + part * self.root[after]
-        anchor = int(self.anchors[after])
+        previous, following, part = self._frames_around(frame)
+        yaw = float((1.0 - part) * self.yaw[previous] + part * self.yaw[following])
+        root = (1.0 - part) * self.root[previous] + part * self.root[following]
+        anchor = int(self.anchors[following])
         if anchor >= 0:
-            place_before, place_after = (self._world_position(f, anchor) for f in (before, after))
+            place_before, place_after = (self._world_position(f, anchor) for f in (previous, following))
             anchor_place = (1.0 - part) * place_before + part * place_after
             rotated = [
                 _turn_about_y(place - self.root[f], -self.yaw[f])
-                for place, f in ((place_before, before), (place_after, after))
+                for place, f in ((place_before, previous), (place_after, following))
             ]
             root = anchor_place - _turn_about_y((1.0 - part) * rotated[0] + part * rotated[1], yaw)
         return self._after_rounds(yaw, np.asarray(root), frame, rounds, ends)
@@ -108,8 +108,8 @@ class PuppetMotion:
         series = rounds if abs(half) < 1e-9 else np.sin(0.5 * rounds * round_yaw) / half
         path_offset = series * _turn_about_y(offset, 0.5 * (rounds - 1) * round_yaw)
         seam_jump = self._round_offset(a, b, round_yaw) - offset
-        done = _ease_in_out((frame - a) / max((b % self.frames) - a, 1))
-        remaining_part = 1.0 - done if rounds > 0 else -done
+        progress = _ease_in_out((frame - a) / max((b % self.frames) - a, 1))
+        remaining_part = 1.0 - progress if rounds > 0 else -progress
         seam_jump = remaining_part * _turn_about_y(
             seam_jump, (rounds - 1 if rounds > 0 else rounds) * round_yaw
         )
@@ -133,8 +133,8 @@ class PuppetMotion:
         return np.asarray(_turn_about_y(mixed, self.yaw[frame]) + self.root[frame])
 
     def _frames_around(self, frame: float) -> tuple[int, int, float]:
-        before = min(int(frame), self.frames - 1)
-        return before, min(before + 1, self.frames - 1), frame - before
+        previous = min(int(frame), self.frames - 1)
+        return previous, min(previous + 1, self.frames - 1), frame - previous
 
 
 def _turn_about_y(vector: Float, angle: float) -> Float:

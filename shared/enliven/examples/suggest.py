@@ -78,8 +78,10 @@ def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> Sugg
         raise InputError(
             "the performer does not move", where="key poses", remedy="Choose another part of the take."
         )
-    few = [k + 1 for k, gap in enumerate(gaps) if gap <= settings.enough * gaps[0]]
-    return SuggestedPoses(tuple(frames), tuple(gaps), max(2, few[0] if few else len(frames)))
+    small_counts = [k + 1 for k, gap in enumerate(gaps) if gap <= settings.enough * gaps[0]]
+    return SuggestedPoses(
+        tuple(frames), tuple(gaps), max(2, small_counts[0] if small_counts else len(frames))
+    )
 
 
 def suggest_further_poses(
@@ -109,8 +111,8 @@ def suggest_further_poses(
         frames.append(int(distances.argmax()))
         distances = np.minimum(distances, _pose_distance(poses, poses[frames[-1]]))
         gaps.append(float(distances.max()))
-    few = [k for k, gap in enumerate(gaps) if gap <= settings.enough * is_outlier.gaps[0]]
-    return SuggestedPoses(tuple(frames), tuple(gaps), few[0] if few else len(frames))
+    small_counts = [k for k, gap in enumerate(gaps) if gap <= settings.enough * is_outlier.gaps[0]]
+    return SuggestedPoses(tuple(frames), tuple(gaps), small_counts[0] if small_counts else len(frames))
 
 
 def distance_to(poses: Float, known: Float) -> Float:

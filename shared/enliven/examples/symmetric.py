@@ -90,7 +90,7 @@ def add_mirror_images(
             "as its partner",
             where="symmetry",
         )
-    axis = _left_right_axis(examples, order) if across is None else np.asarray(across, np.float64)
+    axis = _compute_left_right_axis(examples, order) if across is None else np.asarray(across, np.float64)
     sources = reflect_points(examples.sources[:, order], np.zeros(3), axis)
     targets = mirror_places(examples.targets, np.asarray(rest, np.float64), list(order), normal)
     all_sources, all_targets = list(examples.sources), list(examples.targets)
@@ -102,7 +102,7 @@ def add_mirror_images(
     return Examples(examples.joints, examples.points, np.array(all_sources), np.array(all_targets))
 
 
-def _left_right_axis(examples: Examples, order: Int) -> Float:
+def _compute_left_right_axis(examples: Examples, order: Int) -> Float:
     """Computes the horizontal unit vector (3,) from right joints to left joints, averaged over all
     examples."""
     offsets = examples.sources - examples.sources[:, order]

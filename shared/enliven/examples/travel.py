@@ -40,7 +40,12 @@ from enliven.examples.puppet_examples import (
     find_reference_skeleton,
 )
 from enliven.examples.spacetime.following import complex_from_floor
-from enliven.examples.spacetime.locomotion import PlacedMotion, find_switches, place_motion, standing_feet
+from enliven.examples.spacetime.locomotion import (
+    PlacedMotion,
+    find_feet_on_floor,
+    find_switches,
+    place_motion,
+)
 from enliven.skeletons.facing import find_facing, rotate_about_y
 
 _CACHED_TRAVELS = 64
@@ -119,10 +124,10 @@ def layer_travel(material: MotionInputs) -> PuppetTravel:
         InputError: if the puppet lacks data.
     """
     layer = PuppetLayer("", mirrored=material.layer.mirrored)
-    return _cached_travel(replace(material, layer=layer, take=(*material.shown, material.take)[0]))
+    return _get_cached_travel(replace(material, layer=layer, take=(*material.shown, material.take)[0]))
 
 
-def alternating_feet(targets: Float, feet: Sequence[int]) -> tuple[int, ...]:
+def find_alternating_feet(targets: Float, feet: Sequence[int]) -> tuple[int, ...]:
     """Returns the numbers of the feet that alternate on the ground in the key poses (n, P, 3), metres.
 
     Two feet alternate if each is on the ground in at least one pose, and their relative position changes
@@ -146,8 +151,8 @@ def alternating_feet(targets: Float, feet: Sequence[int]) -> tuple[int, ...]:
 
 def convert_take(clip: Clip, role: ReferenceConversion) -> PerformerClip:
     """Converts a take to the performer of the key poses, including the size."""
-    took = extract_performer_clip(clip, role.joints)
-    return replace(took, poses=role.convert_poses(took.poses))
+    performer_clip = extract_performer_clip(clip, role.joints)
+    return replace(performer_clip, poses=role.convert_poses(performer_clip.poses))
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +175,7 @@ class PerformerFeet:
 
     def find_standing_feet(self) -> Bool:
         """Returns (F, K) True for feet that stand."""
-        return standing_feet(self.seen, self.step, self.legs, self.how)
+        return find_feet_on_floor(self.seen, self.step, self.legs, self.how)
 
     def place_in_world(
         self, places: Float, yaw: Float, stands: Bool, switches: Sequence[Switch] | None = None
@@ -206,20 +211,20 @@ def performer_feet(
 
 
 @lru_cache(maxsize=_CACHED_TRAVELS)
-def _cached_travel(material: MotionInputs) -> PuppetTravel:
+def _get_cached_travel(material: MotionInputs) -> PuppetTravel:
     mesh, points, shown = material.mesh(), material.points, [load_clip() for load_clip in material.shown]
     examples = build_examples(material.puppet, mesh, points, material.poses, shown, material.symmetry)
     reference = find_reference_skeleton([clip.skeleton for clip in shown], examples.joints)
     size = _mean_size(mesh.vertices) / max(_mean_size(reference.positions), 1e-9)
-    feet = alternating_feet(examples.targets, [k for k, point in enumerate(points) if point.foot])
+    feet = find_alternating_feet(examples.targets, [k for k, point in enumerate(points) if point.foot])
     if not feet:
         return PuppetTravel((), complex(size))
     return PuppetTravel(
-        feet, _fitted_stride(material, examples, reference, list(dict.fromkeys(shown)), feet, size)
+        feet, _fit_stride(material, examples, reference, list(dict.fromkeys(shown)), feet, size)
     )
 
 
-def _fitted_stride(
+def _fit_stride(
     material: MotionInputs,
     examples: Examples,
     reference: Skeleton,
@@ -239,15 +244,15 @@ def _fitted_stride(
     cross_product, puppet_square, performer_square = 0j, 0.0, 0.0
     for clip in takes:
         role = match_performer(reference, clip.skeleton, examples.joints, clip.id)
-        took = _resample_take(convert_take(clip, role))
-        yaw = (-1.0 if mirrored else 1.0) * (took.yaw - took.yaw[0])
-        stepper = performer_feet(clip.skeleton, role, took, feet, material.locomotion)
+        resampled = _resample_take(convert_take(clip, role))
+        yaw = (-1.0 if mirrored else 1.0) * (resampled.yaw - resampled.yaw[0])
+        stepper = performer_feet(clip.skeleton, role, resampled, feet, material.locomotion)
         placed_motion = stepper.place_in_world(
-            mapping.solve(took.poses, took.step), yaw, stepper.find_standing_feet()
+            mapping.solve(resampled.poses, resampled.step), yaw, stepper.find_standing_feet()
         )
-        performer_path = role.size * floor_path(took, find_facing(clip.skeleton), mirrored)
+        performer_path = role.size * floor_path(resampled, find_facing(clip.skeleton), mirrored)
         puppet_moves, performer_moves = (
-            _path_displacements(path, took.step)
+            _path_displacements(path, resampled.step)
             for path in (complex_from_floor(placed_motion.root), performer_path)
         )
         cross_product += complex(np.vdot(performer_moves, puppet_moves))

@@ -17,5 +17,5 @@ from .sampling import (
     Representation as Representation,
     sample_performance as sample_performance,
     performance_of_clip as performance_of_clip,
-    octahedral_bone_mesh as octahedral_bone_mesh,
+    make_octahedral_bone_mesh as make_octahedral_bone_mesh,
 )

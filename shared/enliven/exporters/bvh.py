@@ -155,7 +155,7 @@ def _file_joints(skeleton: Skeleton, linear: Float, places: Float | None) -> lis
         )
         for joint in [] if is_end else ends:
             joint_name_text = skeleton.names[joint]
-            groups = _equal_rotation_groups(linear, skeleton.children[joint])
+            groups = _find_equal_rotation_groups(linear, skeleton.children[joint])
             if not groups:
                 add(joint_name_text, joint, bone, bone, depth + 1, [], False)
             for number, group in enumerate(groups):
@@ -164,14 +164,14 @@ def _file_joints(skeleton: Skeleton, linear: Float, places: Float | None) -> lis
                 )
                 add(first_name, joint, group[0], bone, depth + 1, group, False)
 
-    with_root, *others = _equal_rotation_groups(linear, (0, *skeleton.children[0]))
+    with_root, *others = _find_equal_rotation_groups(linear, (0, *skeleton.children[0]))
     add(skeleton.names[0], -1, 0, -1, 0, with_root[1:], bool(others))
     for group in others:
         add(f"{skeleton.names[0]} to {skeleton.names[group[0]]}", -1, group[0], 0, 1, group, False)
     return joints
 
 
-def _equal_rotation_groups(linear: Float, bones: Sequence[int]) -> list[list[int]]:
+def _find_equal_rotation_groups(linear: Float, bones: Sequence[int]) -> list[list[int]]:
     """Groups the bones that rotate equally in all frames. The order of the bones is kept."""
     groups: list[list[int]] = []
     for bone in bones:

@@ -41,7 +41,7 @@ def find_file_keys(
         performance: its sampled motion.
         start: time in the project at which the performance begins, in seconds.
     """
-    clip, layer = _only_clip(project, shape)
+    clip, layer = _find_only_clip(project, shape)
     skeleton = performance.skeleton
     if clip is None or layer is None or skeleton is None or not _is_rigid(performance.linear):
         return ()
@@ -53,11 +53,11 @@ def find_file_keys(
     last = min(last, segment.last, clip.duration)
     curves = list[CubicKeys]()
     for curve in clip.cubic:
-        curves.append(curve.between(first, last).timed(speed, begin_s - segment.first / speed))
+        curves.append(curve.cut(first, last).retime(speed, begin_s - segment.first / speed))
     return tuple(
         curve
         for curve in curves
-        if not _is_posed(curve, shape) and _agrees_with_motion(curve, skeleton, performance)
+        if not _is_posed(curve, shape) and _matches_motion(curve, skeleton, performance)
     )
 
 
@@ -67,7 +67,7 @@ def _is_rigid(linear: Float) -> bool:
     return bool(np.abs(gram - np.eye(3)).max() <= _MAX_RIGID_STRETCH and (np.linalg.det(linear) > 0).all())
 
 
-def _only_clip(project: Project, shape: RiggedCharacter) -> tuple[Clip | None, Layer | None]:
+def _find_only_clip(project: Project, shape: RiggedCharacter) -> tuple[Clip | None, Layer | None]:
     """Returns the clip that all bones of a shape play in the same way, and one of its layers, or (None, None)
     if they do not share a clip.
     """
@@ -118,11 +118,11 @@ def _is_posed(keys: CubicKeys, shape: RiggedCharacter) -> bool:
     return bool(np.abs(offset).max() > _MAX_POSED_CHANGE)
 
 
-def _agrees_with_motion(keys: CubicKeys, skeleton: Skeleton, performance: Performance) -> bool:
+def _matches_motion(keys: CubicKeys, skeleton: Skeleton, performance: Performance) -> bool:
     """Returns True if a curve agrees with the sampled motion at all times."""
-    at = keys.at(performance.times)
+    sampled_values = keys.evaluate(performance.times)
     if not keys.turns:
-        root_error = np.abs(at - performance.positions[:, 0]).max()
+        root_error = np.abs(sampled_values - performance.positions[:, 0]).max()
         return bool(root_error <= _MAX_CURVE_DEVIATION * max(float(skeleton.lengths.sum()), 1e-9))
     rotations = _bone_rotations(performance, keys.bone)
     if keys.bone:
@@ -130,7 +130,8 @@ def _agrees_with_motion(keys: CubicKeys, skeleton: Skeleton, performance: Perfor
             conjugate(_bone_rotations(performance, int(skeleton.parents[keys.bone]))), rotations
         )
     return bool(
-        2.0 * np.arccos(np.clip(np.abs((at * rotations).sum(1)), 0.0, 1.0)).max() <= _MAX_CURVE_DEVIATION
+        2.0 * np.arccos(np.clip(np.abs((sampled_values * rotations).sum(1)), 0.0, 1.0)).max()
+        <= _MAX_CURVE_DEVIATION
     )
 
 

@@ -17,7 +17,7 @@ from enliven.arrays import Float, Int
 from enliven.exporters.performance import Performance
 from enliven.recording import MessageKind
 from enliven.rotation import conjugate, from_matrix, multiply, nearest_rotation, rotate
-from enliven.wire import spanning_tree
+from enliven.wire import find_spanning_tree
 
 FRAMES_TOPIC = "/tf"
 _WORLD = "world"
@@ -74,16 +74,16 @@ def encode_frames(performance: Performance, name: str) -> Iterator[bytes]:
         places, parents = performance.joints, np.asarray(performance.skeleton.parents, np.int64)
         parts = list(performance.skeleton.names)
     else:
-        parents = spanning_tree(performance.pivots, np.zeros((0, 2), np.int32))[1]
+        parents = find_spanning_tree(performance.pivots, np.zeros((0, 2), np.int32))[1]
         parts = [f"part {number}" for number in range(len(parents))]
     ids = [f"{name}/{part}" for part in parts]
     pairs = [(_WORLD if above < 0 else ids[above], id) for id, above in zip(ids, parents, strict=True)]
-    local_places, local_turns = _relative_to_parents(places, rotations, parents)
+    local_places, local_turns = _make_relative_to_parents(places, rotations, parents)
     for pose, frame_places, frame_turns in zip(poses, local_places, local_turns, strict=True):
         yield _encode(pose.time_ns, pairs, frame_places, frame_turns)
 
 
-def _relative_to_parents(places: Float, turns: Float, parents: Int) -> tuple[Float, Float]:
+def _make_relative_to_parents(places: Float, turns: Float, parents: Int) -> tuple[Float, Float]:
     """Returns (T, J, 3) positions and (T, J, 4) rotations relative to the parents."""
     is_root, above = parents < 0, np.maximum(parents, 0)
     back = np.where(is_root[:, None], np.array([1.0, 0.0, 0.0, 0.0]), conjugate(turns[:, above]))

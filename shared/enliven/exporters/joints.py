@@ -108,13 +108,13 @@ def bone_names(skeleton: Skeleton) -> list[str]:
         if j == 0:
             names.append(skeleton.names[0])
             continue
-        onward = parent > 0 and j == _straightest_child(skeleton, int(parent))
+        onward = parent > 0 and j == _find_straightest_child(skeleton, int(parent))
         begin_name, end = skeleton.names[parent], skeleton.names[j]
         names.append(begin_name if onward else f"{begin_name} to {end}")
     return names
 
 
-def _straightest_child(skeleton: Skeleton, joint: int) -> int:
+def _find_straightest_child(skeleton: Skeleton, joint: int) -> int:
     """Returns the child that continues a joint's bone in the straightest line."""
     into = skeleton.vectors[joint]
 

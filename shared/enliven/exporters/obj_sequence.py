@@ -20,7 +20,7 @@ from enliven.arrays import Float, Float32, Int
 from enliven.errors import InputError
 from enliven.exporters.performance import Performance
 from enliven.exporters.placement import PLACEMENTS, units_per_metre
-from enliven.exporters.plain_materials import PlainMaterial, image_suffix, plain_materials
+from enliven.exporters.plain_materials import PlainMaterial, image_suffix, make_plain_materials
 from enliven.exporters.registry import Exporter
 from enliven.files import replace_folder
 from enliven.meshes import Mesh
@@ -76,12 +76,12 @@ def write_obj_sequence(
     times = max((performance.times for performance in performances), key=len)
     count = len(times)
     materials = _MaterialFile(stem)
-    parts, before, corners = list[_Part](), 0, 0
+    parts, vertex_count, corners = list[_Part](), 0, 0
     for performance in performances:
         mesh = performance.surface[0]
-        part, coordinates = _part_from_character(performance.name, mesh, before, corners, materials)
+        part, coordinates = _part_from_character(performance.name, mesh, vertex_count, corners, materials)
         parts.append(part)
-        before, corners = before + part.count, corners + coordinates
+        vertex_count, corners = vertex_count + part.count, corners + coordinates
     library = f"mtllib {stem}.mtl\n" if materials.lines else ""
     with replace_folder(path, _is_own_file, "Choose another output folder.") as folder:
         materials.write_into(folder)
@@ -114,11 +114,11 @@ def _surfaces_at(performance: Performance, times: Float) -> Iterator[Float32]:
     own_times = performance.times
     boundaries = (own_times[1:] + own_times[:-1]) / 2.0
     surfaces = performance.surfaces()
-    surface, at = next(surfaces), 0
+    surface, surface_number = next(surfaces), 0
     for nearest in np.searchsorted(boundaries, times):
-        for _ in range(at, nearest):
+        for _ in range(surface_number, nearest):
             surface = next(surfaces)
-        at = int(nearest)
+        surface_number = int(nearest)
         yield surface
 
 
@@ -139,25 +139,25 @@ def _part_from_character(
         vertex_offset, corner_offset: number of vertices and of texture coordinates of the previous characters
             in the same file.
     """
-    colours, own = list[str](), mesh.materials
+    colours, mesh_materials = list[str](), mesh.materials
     if mesh.colours is not None:
         colours = [f" {r:.4f} {g:.4f} {b:.4f}" for r, g, b in (mesh.colours / 255.0).tolist()]
     faces = mesh.faces.astype(np.int64) + vertex_offset + 1
     head = f"o {'_'.join(name.split()) or 'character'}\n"
-    if own is None:
+    if mesh_materials is None:
         return _Part(head, colours, "s 1\n" + _face_lines(faces, None), len(mesh.vertices)), 0
     names = materials.add(mesh)
-    has_coordinates = own.uvs.shape[2] > 0
+    has_coordinates = mesh_materials.uvs.shape[2] > 0
     lines, numbers, count = list[str](), None, 0
     if has_coordinates:
         # OBJ counts texture rows from the bottom of the image, glTF from its top.
-        flat = own.uvs[:, :, 0].reshape(-1, 2) * [1.0, -1.0] + [0.0, 1.0]
+        flat = mesh_materials.uvs[:, :, 0].reshape(-1, 2) * [1.0, -1.0] + [0.0, 1.0]
         unique, of = np.unique(flat, axis=0, return_inverse=True)
         numbers, count = of.reshape(-1, 3) + corner_offset + 1, len(unique)
         lines.append(("vt %.6f %.6f\n" * count) % tuple(unique.ravel().tolist()))
     lines.append("s 1\n")
-    for number in np.unique(own.of):
-        part_faces = own.of == number
+    for number in np.unique(mesh_materials.of):
+        part_faces = mesh_materials.of == number
         lines.append(f"usemtl {names[number] if number >= 0 else materials.add_plain_material()}\n")
         lines.append(_face_lines(faces[part_faces], None if numbers is None else numbers[part_faces]))
     return _Part(head, colours, "".join(lines), len(mesh.vertices)), count
@@ -189,7 +189,7 @@ class _MaterialFile:
         images = [
             self._image_name(texture.image.tobytes(), texture.kind) for texture in mesh.materials.textures
         ]
-        return [self._add_material(material, images) for material in plain_materials(mesh.materials)]
+        return [self._add_material(material, images) for material in make_plain_materials(mesh.materials)]
 
     def add_plain_material(self) -> str:
         """Returns the name of a white material, for faces without a material."""

@@ -30,7 +30,7 @@ def bodies_from_performance(performance: Performance, id: int) -> list[Body]:
         return []
     rotations = from_matrix(nearest_rotation(performance.linear))
     by_bone = {name[0].upper() + name[1:]: name for name in humanoid.bones}
-    names = HumanPose.ordered(by_bone)
+    names = HumanPose.sort_bones(by_bone)
     chosen_bones = [humanoid.bones[by_bone[name]] for name in names]
     t_pose = np.stack([humanoid.t_pose[by_bone[name]] for name in names])
     world = multiply(rotations[:, [bone.turned_by for bone in chosen_bones]], conjugate(t_pose))

@@ -66,7 +66,7 @@ class ExportPlacement:
     def apply_to(self, performance: Performance) -> Performance:
         """Returns a performance with the scale, axes and root motion of this placement."""
         if self.in_place:
-            performance = _without_travel(performance)
+            performance = _remove_travel(performance)
         return (
             performance if self.scale == 1.0 and self.up == "y" else self._convert_units_and_axes(performance)
         )
@@ -123,7 +123,7 @@ class ExportPlacement:
         return placed
 
 
-def _without_travel(performance: Performance) -> Performance:
+def _remove_travel(performance: Performance) -> Performance:
     """Returns a performance without the horizontal motion of its root.
 
     The root is the skeleton's root, or the frame of the whole surface, or else the mean of all transforms.

@@ -67,9 +67,9 @@ class PlainMaterial:
     emissive_map: TextureUse | None = None
 
 
-def plain_materials(materials: MeshMaterials) -> list[PlainMaterial]:
+def make_plain_materials(materials: MeshMaterials) -> list[PlainMaterial]:
     """Returns the simplified materials of a mesh, in the same order. Values of a wrong type are ignored."""
-    return [_plain_material(json.loads(definition), materials) for definition in materials.definitions]
+    return [_make_plain_material(json.loads(definition), materials) for definition in materials.definitions]
 
 
 def image_suffix(media_type: str) -> str:
@@ -77,33 +77,33 @@ def image_suffix(media_type: str) -> str:
     return _SUFFIXES[media_type]
 
 
-def _plain_material(value: dict[str, Any], materials: MeshMaterials) -> PlainMaterial:
-    shading = _nested_object(value, "pbrMetallicRoughness")
+def _make_plain_material(value: dict[str, Any], materials: MeshMaterials) -> PlainMaterial:
+    shading = _find_nested_object(value, "pbrMetallicRoughness")
     sets = materials.uvs.shape[2]
 
     def texture(table: dict[str, Any], name: str) -> TextureUse | None:
-        entry = _nested_object(table, name)
-        transform = _nested_object(_nested_object(entry, "extensions"), "KHR_texture_transform")
+        entry = _find_nested_object(table, name)
+        transform = _find_nested_object(_find_nested_object(entry, "extensions"), "KHR_texture_transform")
         index, uv_set = entry.get("index"), transform.get("texCoord", entry.get("texCoord", 0))
         if not (type(index) is int and type(uv_set) is int and 0 <= uv_set < sets):
             return None
-        x, y = _bounded_numbers(transform, "offset", (0.0, 0.0), -_MAX_REPEATS, _MAX_REPEATS)
-        scale_u, scale_v = _bounded_numbers(transform, "scale", (1.0, 1.0), -_MAX_REPEATS, _MAX_REPEATS)
-        (angle,) = _bounded_numbers(transform, "rotation", (0.0,), -_MAX_REPEATS, _MAX_REPEATS)
+        x, y = _bound_numbers(transform, "offset", (0.0, 0.0), -_MAX_REPEATS, _MAX_REPEATS)
+        scale_u, scale_v = _bound_numbers(transform, "scale", (1.0, 1.0), -_MAX_REPEATS, _MAX_REPEATS)
+        (angle,) = _bound_numbers(transform, "rotation", (0.0,), -_MAX_REPEATS, _MAX_REPEATS)
         return TextureUse(index, uv_set, (x, y), angle, (scale_u, scale_v))
 
     name = value.get("name")
-    base = _bounded_numbers(shading, "baseColorFactor", (1.0, 1.0, 1.0, 1.0))
-    emissive = _bounded_numbers(value, "emissiveFactor", (0.0, 0.0, 0.0))
+    base = _bound_numbers(shading, "baseColorFactor", (1.0, 1.0, 1.0, 1.0))
+    emissive = _bound_numbers(value, "emissiveFactor", (0.0, 0.0, 0.0))
     mode = value.get("alphaMode")
     return PlainMaterial(
         name=name if isinstance(name, str) else "",
         base=(base[0], base[1], base[2], base[3]),
-        metallic=_bounded_numbers(shading, "metallicFactor", (1.0,))[0],
-        roughness=_bounded_numbers(shading, "roughnessFactor", (1.0,))[0],
+        metallic=_bound_numbers(shading, "metallicFactor", (1.0,))[0],
+        roughness=_bound_numbers(shading, "roughnessFactor", (1.0,))[0],
         emissive=(emissive[0], emissive[1], emissive[2]),
         mode=mode if mode in ("MASK", "BLEND") else "OPAQUE",
-        cutoff=_bounded_numbers(value, "alphaCutoff", (_DEFAULT_CUTOFF,))[0],
+        cutoff=_bound_numbers(value, "alphaCutoff", (_DEFAULT_CUTOFF,))[0],
         double_sided=value.get("doubleSided") is True,
         base_map=texture(shading, "baseColorTexture"),
         finish_map=texture(shading, "metallicRoughnessTexture"),
@@ -113,13 +113,13 @@ def _plain_material(value: dict[str, Any], materials: MeshMaterials) -> PlainMat
     )
 
 
-def _nested_object(value: dict[str, Any], name: str) -> dict[str, Any]:
+def _find_nested_object(value: dict[str, Any], name: str) -> dict[str, Any]:
     """Returns a nested JSON object, or an empty object if the value has another type."""
     inner = value.get(name)
     return inner if isinstance(inner, dict) else {}
 
 
-def _bounded_numbers(
+def _bound_numbers(
     value: dict[str, Any], name: str, usual: tuple[float, ...], minimum: float = 0.0, maximum: float = 1.0
 ) -> tuple[float, ...]:
     """Returns a number or a list of numbers within bounds. The list has the same length as ``usual``."""

@@ -101,7 +101,7 @@ class Exporter:
         """
         placement = ExportPlacement(**{key: value for key, value in options.items() if key in PLACEMENTS})
         placed_performances = [placement.apply_to(performance) for performance in performances]
-        self.write(Path(path), placed_performances, name, **self.own_options(options))
+        self.write(Path(path), placed_performances, name, **self.list_own_options(options))
 
     def representation(self, morphs: bool = False) -> Representation:
         """Returns the form in which the exporter needs the surfaces of puppets.
@@ -111,7 +111,7 @@ class Exporter:
         """
         return "morphs" if morphs else "points" if self.pointwise else "skin"
 
-    def own_options(self, options: dict[str, Any]) -> dict[str, Any]:
+    def list_own_options(self, options: dict[str, Any]) -> dict[str, Any]:
         """Returns those of the options that ``write`` accepts, without the placement options."""
         parameters = inspect.signature(self.write).parameters
         return {key: value for key, value in options.items() if key in parameters or key not in PLACEMENTS}
@@ -143,7 +143,7 @@ def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) ->
             raise InputError(problem, where=str(path), remedy=_REFUSALS.get(option, "Remove the option."))
     require_folder(path)
     ExportPlacement(**{key: value for key, value in options.items() if key in PLACEMENTS})
-    exporter.check(**exporter.own_options(options))
+    exporter.check(**exporter.list_own_options(options))
     return exporter
 
 

@@ -21,7 +21,7 @@ from enliven.document import (
     RiggedCharacter,
     Skeleton,
     SkinWeights,
-    closing_time,
+    compute_closing_time,
     joint_places,
 )
 from enliven.examples.baking.bake import bake_surface
@@ -101,7 +101,7 @@ def _find_loop_end_and_rate(
     if not rounds:
         return end, rate
     min_end = max(project.end_of(other_character) for other_character in project.characters.values())
-    end = closing_time(rounds, min_end)
+    end = compute_closing_time(rounds, min_end)
     return end, (max(round((end - start) * rate), 1) / (end - start) if end > start else rate)
 
 
@@ -140,7 +140,7 @@ def performance_of_clip(clip: Clip) -> Performance:
     linear = to_matrix(clip.turns)
     linear = linear if clip.stretch is None else linear @ clip.stretch
     return _performance_from_maps(
-        clip.id, skeleton, times, linear, joint_places(clip), *octahedral_bone_mesh(skeleton)
+        clip.id, skeleton, times, linear, joint_places(clip), *make_octahedral_bone_mesh(skeleton)
     )
 
 
@@ -163,7 +163,7 @@ def _performance_from_maps(
 def _sample_shape(project: Project, shape: RiggedCharacter, times: Float, *_: object) -> Performance:
     player = Player(project, shape.id)
     turns, joints = player.sample(times)
-    linear = player.linear(times, turns)
+    linear = player.compute_linear_maps(times, turns)
     if shape.root_layers:
         root_motion = root_motions(project, shape, times)
         linear, joints = to_matrix(root_motion.turn)[:, None] @ linear, root_motion(joints)
@@ -222,7 +222,7 @@ _SAMPLER_BY_RIG: dict[str, Callable[..., Performance]] = {
 :func:`_sample_graph`."""
 
 
-def octahedral_bone_mesh(skeleton: Skeleton) -> tuple[Mesh | None, SkinWeights | None]:
+def make_octahedral_bone_mesh(skeleton: Skeleton) -> tuple[Mesh | None, SkinWeights | None]:
     """Returns a mesh with an octahedron for each bone, and its skin weights. Returns None if no bone has a
     length."""
     bones = np.flatnonzero(skeleton.lengths > 0)

@@ -130,7 +130,7 @@ class AlertRules:
                 watched.is_open = False
                 alerts.append(make_alert("recovered", self._installation, watched.problem, at_s))
         self._watched = {
-            key: each for key, each in self._watched.items() if self._may_cause_alert(each, clock_s)
+            key: alert for key, alert in self._watched.items() if self._may_cause_alert(alert, clock_s)
         }
         return alerts
 

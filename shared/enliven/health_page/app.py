@@ -117,14 +117,14 @@ class GuardMiddleware:
         if self._gate is None:
             return None
         address = request.client.host if request.client else ""
-        wait_s = self._gate.remaining_lockout_s(address)
+        wait_s = self._gate.compute_remaining_lockout_s(address)
         if wait_s > 0.0:
             headers = {"Retry-After": str(round(wait_s) + 1)}
             text = f"Too many wrong passwords. Try again in {wait_s:.0f} s.\n"
             return PlainTextResponse(text, 429, headers)
         if self._gate.admits(address, request.headers.get("authorization", "")):
             return None
-        if self._gate.remaining_lockout_s(address) > 0.0:
+        if self._gate.compute_remaining_lockout_s(address) > 0.0:
             log.warning("%s sent too many wrong passwords and is blocked for some time.", address)
         headers = {"WWW-Authenticate": 'Basic realm="enliven health", charset="UTF-8"'}
         return PlainTextResponse(

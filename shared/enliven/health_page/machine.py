@@ -38,7 +38,7 @@ def read_machine(folder: Path, thermal: Path = _THERMAL_FOLDER, proc: Path = _PR
         proc: folder with the files of the kernel.
     """
     memory = _read_memory(proc / "meminfo")
-    folder = _existing_parent(folder)
+    folder = _find_existing_parent(folder)
     disk_bytes = disk_free_bytes = load = None
     with contextlib.suppress(OSError):
         usage = shutil.disk_usage(folder)
@@ -96,11 +96,11 @@ def terminate_program(name: str, pid: int) -> None:
         InputError: if the process has ended, or another program has the same process id now.
         ResourceError: if this user may not terminate it.
     """
-    ended = InputError(
+    ended_error = InputError(
         f"the program {name} is not running", remedy="Wait until the supervisor restarts the program."
     )
     if pid <= 1 or not is_running(pid):
-        raise ended
+        raise ended_error
     # The descriptor refers to this process only, so a later process with the same id cannot be terminated by
     # mistake.
     descriptor = -1
@@ -125,13 +125,13 @@ def terminate_program(name: str, pid: int) -> None:
             remedy="Run the health page as the same user as the program.",
         ) from None
     except (ProcessLookupError, FileNotFoundError):
-        raise ended from None
+        raise ended_error from None
     finally:
         if descriptor >= 0:
             os.close(descriptor)
 
 
-def _existing_parent(folder: Path) -> Path:
+def _find_existing_parent(folder: Path) -> Path:
     """Returns a folder, or its nearest parent that exists."""
     folder = folder.absolute()
     for candidate in (folder, *folder.parents):

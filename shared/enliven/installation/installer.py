@@ -90,7 +90,7 @@ class Installer:
                 self._say(f"# copy {file.source} -> {file.place}")
         if plan.recordings is not None:
             self._say(f"# create {plan.recordings}, which belongs to {KIOSK_USER}")
-        for words in self._all_commands(plan):
+        for words in self._list_all_commands(plan):
             self._say(command_line(words))
 
     def install(self, plan: InstallPlan) -> None:
@@ -100,21 +100,24 @@ class Installer:
             ResourceError: if a file cannot be written, or a command fails. All steps are recorded, so that
                 :meth:`remove` undoes them.
         """
-        before = self._read_manifest()
-        made_user = before.made_user or not self._has_user()
-        kept_entries = {entry.place: entry for entry in before.files}
+        old_manifest = self._read_manifest()
+        made_user = old_manifest.made_user or not self._has_user()
+        kept_entries = {entry.place: entry for entry in old_manifest.files}
         planned_places = {str(file.place) for file in plan.files}
-        old_units = [unit for unit in before.units if unit not in plan.units]
+        old_units = [unit for unit in old_manifest.units if unit not in plan.units]
         if old_units:
             self._disable_units(old_units)
-        for entry in before.files:
+        for entry in old_manifest.files:
             if entry.place not in planned_places:
                 self._restore_file(entry)
         files = [
             kept_entries.get(str(file.place)) or self._record_original_file(file.place) for file in plan.files
         ]
-        missing_folders = self._missing_folders(plan)
-        folders = [*before.folders, *(folder for folder in missing_folders if folder not in before.folders)]
+        missing_folders = self._list_missing_folders(plan)
+        folders = [
+            *old_manifest.folders,
+            *(folder for folder in missing_folders if folder not in old_manifest.folders),
+        ]
         recordings = "" if plan.recordings is None else str(plan.recordings)
         # Write the record first, so that an interrupted installation can be removed.
         manifest = _Manifest(files, folders, list(plan.units), made_user, recordings)
@@ -124,7 +127,7 @@ class Installer:
         for words in plan.setup_commands:
             self._run_command(self._command_in_root(words))
         self._give_to_user(plan)
-        for words in self._all_commands(plan)[len(plan.setup_commands) :]:
+        for words in self._list_all_commands(plan)[len(plan.setup_commands) :]:
             try:
                 self._run_command(words)
             except ResourceError as error:
@@ -170,7 +173,7 @@ class Installer:
         """Returns the location of an absolute path in the system that is changed."""
         return self._root / place.relative_to("/")
 
-    def _all_commands(self, plan: InstallPlan) -> list[tuple[str, ...]]:
+    def _list_all_commands(self, plan: InstallPlan) -> list[tuple[str, ...]]:
         """Returns all commands of an installation in order."""
         commands = [self._command_in_root(words) for words in plan.setup_commands]
         if not self._is_running:
@@ -226,7 +229,7 @@ class Installer:
             return _ReplacedFile(str(place), base64.b64encode(path.read_bytes()).decode(), mode)
         return _ReplacedFile(str(place))
 
-    def _missing_folders(self, plan: InstallPlan) -> list[str]:
+    def _list_missing_folders(self, plan: InstallPlan) -> list[str]:
         """Returns the folders that the installation will create."""
         places = [*(file.place for file in plan.files), _RECORD_FILE]
         folders = {

@@ -79,7 +79,7 @@ def listen_to_compiler() -> None:
 
 
 @contextlib.contextmanager
-def on_compilation(callback: Callable[[int], None]) -> Iterator[None]:
+def watch_compilation(callback: Callable[[int], None]) -> Iterator[None]:
     """Calls a function whenever this process starts to compile a function.
 
     Args:

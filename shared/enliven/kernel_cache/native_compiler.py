@@ -46,13 +46,13 @@ _IDLE_IO_CLASS = 3 << 13
 def main(program: str) -> int:
     """Compiles the kernels on the standard input for this processor. Returns the exit code."""
     lower_priority()
-    wanted: MissingKernel = pickle.load(sys.stdin.buffer)
+    missing_kernel: MissingKernel = pickle.load(sys.stdin.buffer)
     threading.Thread(target=_end_with_input, daemon=True).start()
     folder = user_folder()
     if folder is None:
         return 0
     with _lock_compilation(folder) as has_lock:
-        return compile_missing(program, wanted, folder) if has_lock else _RETRY_LATER_EXIT_CODE
+        return compile_missing(program, missing_kernel, folder) if has_lock else _RETRY_LATER_EXIT_CODE
 
 
 def lower_priority() -> None:

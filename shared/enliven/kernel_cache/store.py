@@ -29,7 +29,7 @@ format as the user's folder.
 
 
 @functools.cache
-def shipped_folders() -> tuple[Path, ...]:
+def find_shipped_folders() -> tuple[Path, ...]:
     """Returns the folder of the installed package ``enliven-kernels``. The result is empty if it is not
     installed."""
     spec = importlib.util.find_spec(_SHIPPED_PACKAGE)
@@ -62,7 +62,7 @@ def load_kernel(name: str, unpickle: Callable[[bytes], Any] = pickle.loads) -> A
         unpickle: the function that reads the serialised data.
     """
     writable_folder = user_folder()
-    for folder in (*shipped_folders(), *(() if writable_folder is None else (writable_folder,))):
+    for folder in (*find_shipped_folders(), *(() if writable_folder is None else (writable_folder,))):
         path = folder / name
         # Unpickling a damaged file may raise any exception. A damaged file counts as missing, and is written
         # again.

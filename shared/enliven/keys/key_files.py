@@ -323,7 +323,7 @@ def _viewer_from_table(table: dict[str, Any], path: Path) -> PairedViewer:
 def _edge_from_table(table: dict[str, Any], path: Path) -> PairedEdge:
     host, port = table.get("host"), table.get("control_port")
     if not isinstance(host, str) or not isinstance(port, int) or not 0 < port < 65536:
-        raise _damaged_file_error(path, "the address is missing or invalid")
+        raise _make_damaged_file_error(path, "the address is missing or invalid")
     peer = _viewer_from_table(table, path)
     return PairedEdge(peer.public, peer.name, host, port, peer.role, peer.paired)
 
@@ -331,14 +331,14 @@ def _edge_from_table(table: dict[str, Any], path: Path) -> PairedEdge:
 def _name_from_table(table: dict[str, Any], path: Path) -> str:
     name = table.get("name")
     if not isinstance(name, str) or not 0 < len(name) <= _MAX_NAME_LENGTH:
-        raise _damaged_file_error(path, "the name is missing or too long")
+        raise _make_damaged_file_error(path, "the name is missing or too long")
     return name
 
 
 def _role_from_table(table: dict[str, Any], path: Path) -> Role:
     role = table.get("role")
     if role not in ROLES:
-        raise _damaged_file_error(path, f"the role is {role!r:.40}, expected one of {', '.join(ROLES)}")
+        raise _make_damaged_file_error(path, f"the role is {role!r:.40}, expected one of {', '.join(ROLES)}")
     return role
 
 
@@ -350,10 +350,10 @@ def _key_from_table(table: dict[str, Any], name: str, path: Path) -> bytes:
             key = _from_z85(text.encode())
             if len(key) == KEY_BYTES:
                 return key
-    raise _damaged_file_error(path, f"the {name} key is missing or invalid")
+    raise _make_damaged_file_error(path, f"the {name} key is missing or invalid")
 
 
-def _damaged_file_error(path: Path, what: str) -> InputError:
+def _make_damaged_file_error(path: Path, what: str) -> InputError:
     is_own = path.name == "own.toml"
     return InputError(
         f"this is not a key file, or it is damaged ({what})",

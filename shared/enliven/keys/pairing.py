@@ -193,7 +193,7 @@ class PairingCodes:
         """
         code = self.code
         if not code:
-            raise PairingError(self._closed_reason())
+            raise PairingError(self._describe_closed())
         self._tries += 1
         if self._tries >= MAX_TRIES_PER_CODE:
             # This exchange may still succeed. Later exchanges need a new code.
@@ -208,7 +208,7 @@ class PairingCodes:
         self._code, self._used_up, self._paused_until = "", 0, 0.0
         self.poll()
 
-    def _closed_reason(self) -> str:
+    def _describe_closed(self) -> str:
         if self.pause_s and self._clock() < self._until:
             return f"too many attempts: the edge shows a new code in {self.pause_s:.0f} s"
         return (

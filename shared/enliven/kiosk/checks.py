@@ -222,21 +222,21 @@ def _find_recording_mistakes(profile: KioskProfile, folder: Path) -> Iterator[En
 
 def _find_taken_ports(profile: KioskProfile) -> Iterator[EnlivenError]:
     """Yields a mistake for each port that another program uses."""
-    wanted: dict[int, tuple[str, str]] = {}
+    needed_ports: dict[int, tuple[str, str]] = {}
     for name, edge in local_edges(profile).items():
-        wanted[edge.port] = wanted[edge.port + 1] = ("127.0.0.1", f"edges.{name}.port")
+        needed_ports[edge.port] = needed_ports[edge.port + 1] = ("127.0.0.1", f"edges.{name}.port")
     pages = [(profile.health.port, profile.health.host, "health.port")]
     if profile.souvenir.kind:
         pages.append((profile.souvenir.port, profile.souvenir.host, "souvenir.port"))
     for port, host, key in pages:
-        if port in wanted:
+        if port in needed_ports:
             yield ResourceError(
-                f"{key} and {wanted[port][1]} use the same port",
+                f"{key} and {needed_ports[port][1]} use the same port",
                 where=f"port {port}",
                 remedy="Choose another port.",
             )
-        wanted[port] = (host, key)
-    for port, (host, key) in wanted.items():
+        needed_ports[port] = (host, key)
+    for port, (host, key) in needed_ports.items():
         if not _is_free(host, port):
             yield ResourceError(
                 f"another program already uses the port in {key}",

@@ -289,8 +289,8 @@ class Spot:
         """Offers the next or previous free character."""
         if len(frame.free) < 2 or self.character not in frame.free or self._requested_s is not None:
             return
-        at = (frame.free.index(self.character) + step) % len(frame.free)
-        self._offer_character(frame.free[at], step, frame.now)
+        choice = (frame.free.index(self.character) + step) % len(frame.free)
+        self._offer_character(frame.free[choice], step, frame.now)
         self.ring = 0.0
         self._apply_event(Event.CHARACTER_CHANGED, frame.now)
 

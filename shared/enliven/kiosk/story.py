@@ -171,8 +171,8 @@ class Story:
         others = [other for other in self._spots if other is not spot]
         served = {other.visit for other in others if other.visit is not None}
         line = [visit for visit in self._attendance.list_waiting_visits() if visit.number not in served]
-        taken = {other.character for other in others}
-        free = [name for name in self._characters if name in frame.available and name not in taken]
+        taken_characters = {other.character for other in others}
+        free = [name for name in self._characters if name in frame.available and name not in taken_characters]
         performer, was_performing = self._attendance.find(spot.visit), spot.phase is Phase.POSSESSED
         requests = spot.advance(
             SpotInput(frame.now, elapsed, self._attendance, line, presses, frame.holders, free)
@@ -185,16 +185,16 @@ class Story:
         """Offers the character in the recorded performance, so that visitors get the character that they
         saw."""
         spot = self._spots[0]
-        taken = {other.character for other in self._spots[1:]}
-        is_free = frame.playing in frame.available and frame.playing not in taken
+        taken_characters = {other.character for other in self._spots[1:]}
+        is_free = frame.playing in frame.available and frame.playing not in taken_characters
         if spot.phase is Phase.ATTRACT and is_free and frame.playing in self._characters:
             spot.character = frame.playing
 
     def _find_target(self, press: Press) -> Spot:
         """Returns the spot that a button acts on. It is a busy spot for "leave", and otherwise a free spot if
         there is one."""
-        wanted = press == "leave"
-        return next((spot for spot in self._spots if spot.is_busy == wanted), self._spots[0])
+        leaves = press == "leave"
+        return next((spot for spot in self._spots if spot.is_busy == leaves), self._spots[0])
 
     def _correct_holds(self, frame: StoryInput) -> list[StoryRequest]:
         """Handles possessions that were not requested here. Those of visitors become sessions, and all others

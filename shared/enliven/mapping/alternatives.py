@@ -50,21 +50,21 @@ def find_better_mapping(
     if quality.total_excess == 0.0:
         return None
     alternatives = [
-        NextBest(how, plan, _measured_quality(retargeted, shape, plan))
-        for how, plan in _other_mappings(retargeted, shape)
+        NextBest(description, plan, _measure_alternative(retargeted, shape, plan))
+        for description, plan in _find_other_mappings(retargeted, shape)
     ]
     best = min(alternatives, key=lambda candidate: candidate.quality.faults)
     return best if best.quality.faults < _MAX_FAULT_RATIO * quality.faults else None
 
 
-def _measured_quality(retargeted: RetargetedShape, shape: RiggedCharacter, plan: Plan) -> MotionQuality:
+def _measure_alternative(retargeted: RetargetedShape, shape: RiggedCharacter, plan: Plan) -> MotionQuality:
     alternative = retarget(shape, retargeted.clip, plan, clips=retargeted.clips)
     return measure_quality(
         alternative.project, alternative.shape_id, retargeted.clip, alternative.duration, alternative.plan
     )
 
 
-def _other_mappings(retargeted: RetargetedShape, shape: RiggedCharacter) -> Iterator[tuple[str, Plan]]:
+def _find_other_mappings(retargeted: RetargetedShape, shape: RiggedCharacter) -> Iterator[tuple[str, Plan]]:
     """Yields each mapping that differs from the current one in one choice, with a description of the
     difference."""
     plan, clip = retargeted.plan, retargeted.clip

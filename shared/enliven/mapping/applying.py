@@ -23,12 +23,12 @@ from enliven.mapping.ground import level_root
 from enliven.mapping.plan import ChainPlan, Plan, Rest
 from enliven.mapping.resting import (
     change_rest_pose,
-    first_heading,
-    hanging_pose,
+    compute_first_heading,
+    compute_hanging_pose,
+    compute_standing_turns,
     mean_pose,
     pose_at,
     pose_skeleton,
-    standing_turns,
 )
 from enliven.motion.layers.polyline import arc_lengths
 from enliven.motion.layers.retarget import bind_chain, chain_between, set_travel
@@ -57,16 +57,18 @@ def source_anatomy(clip: Clip) -> Anatomy:
     amid = find_anatomy(pose_skeleton(clip.skeleton, mean_pose(clip)))
     if len(amid.pairs) > len(at_rest.pairs):
         return amid
-    heading = first_heading(clip)
+    heading = compute_first_heading(clip)
     return replace(at_rest, facing=at_rest.facing + 2.0 * float(np.arctan2(heading[2], heading[0])))
 
 
 def initial_facings(clip: Clip, shape: RiggedCharacter, plan: Plan) -> tuple[float, float]:
     """Returns the initial facing of the performer, and the facing of the model, in radians about +Y from
     +Z."""
-    first, ours = plan.take_facing, plan.model_facing
+    first, model_facing = plan.take_facing, plan.model_facing
     take_facing = source_anatomy(clip).facing if first is None else math.radians(first)
-    return take_facing, find_anatomy(shape.skeleton).facing if ours is None else math.radians(ours)
+    return take_facing, find_anatomy(shape.skeleton).facing if model_facing is None else math.radians(
+        model_facing
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +142,7 @@ def apply_plan(project: Project, shape: RiggedCharacter, clip: Clip, plan: Plan)
     pairs = [pair for pair in pairs if plan.turn or pair.target_joints != (0,)]
     project = project.with_characters(shape)
     first: Clip | None = None
-    for rest_rotations, group in _rest_poses(pairs, clip, plan.rest, target, axes):
+    for rest_rotations, group in _compute_rest_poses(pairs, clip, plan.rest, target, axes):
         take = replace(change_rest_pose(clip, rest_rotations), id=unused(clip.id, project.takes))
         first = first or take
         project = project.with_takes(take)
@@ -156,7 +158,7 @@ def apply_plan(project: Project, shape: RiggedCharacter, clip: Clip, plan: Plan)
     return project, first
 
 
-def _rest_poses(
+def _compute_rest_poses(
     pairs: list[_ChainPair], clip: Clip, rest: Rest | float, target: Skeleton, axes: _AxesConversion
 ) -> list[tuple[Float, list[_ChainPair]]]:
     """Returns the rest poses of the take as world rotations (N, 4), each with the chains of the plan that use
@@ -165,7 +167,7 @@ def _rest_poses(
     One rest pose is usually enough. But if a leg of the performer drives two legs, its bones need two rest
     rotations. Then the project contains a second copy of the take, relative to a second rest pose.
     """
-    default_rotations = _rest_rotations(clip, rest)
+    default_rotations = _compute_rest_rotations(clip, rest)
     rest_rotations, posed_bones = default_rotations.copy(), set[int]()
     group, conflicting_pairs = list[_ChainPair](), list[_ChainPair]()
     for pair in sorted(pairs, key=lambda pair: pair.plan.mode != "pose"):
@@ -177,12 +179,12 @@ def _rest_poses(
             posed_bones |= pair.bones
             _match_pose(rest_rotations, clip, pair, group, target, axes)
     for pair in group:
-        bone_above = _posed_bone_above(group, pair, clip.skeleton)
+        bone_above = _find_posed_bone_above(group, pair, clip.skeleton)
         if pair.plan.mode != "move" or bone_above is None:
             continue
-        if _lies_on_floor(target, pair.target_joints):
+        if _is_lying_on_floor(target, pair.target_joints):
             # In the rest pose the foot is flat on the floor, independent of the angle of the shin.
-            rest_rotations[list(pair.source_joints[1:])] = standing_turns(clip, pair.source_joints)
+            rest_rotations[list(pair.source_joints[1:])] = compute_standing_turns(clip, pair.source_joints)
         else:
             # The hand's rotation relative to its forearm stays the same as in the take's rest pose.
             change = multiply(rest_rotations[bone_above], conjugate(default_rotations[bone_above]))
@@ -198,7 +200,7 @@ def _rest_poses(
     return rest_poses
 
 
-def _posed_bone_above(pairs: list[_ChainPair], pair: _ChainPair, source: Skeleton) -> int | None:
+def _find_posed_bone_above(pairs: list[_ChainPair], pair: _ChainPair, source: Skeleton) -> int | None:
     """Returns the last bone of the nearest ancestor chain of mode "pose" in the take, or None if there is
     none."""
     path = source.path(0, pair.source_joints[0])
@@ -232,7 +234,7 @@ def copy_motion_to_siblings(project: Project, shape_id: str, chains: Sequence[Se
     return project.with_characters(shape.with_changes(spans=tuple(spans)))
 
 
-def _lies_on_floor(skeleton: Skeleton, chain: tuple[int, ...]) -> bool:
+def _is_lying_on_floor(skeleton: Skeleton, chain: tuple[int, ...]) -> bool:
     """Returns True if a chain lies along the floor at rest, as a foot does."""
     height = skeleton.positions[:, 1]
     return bool(height[list(chain)].max() < height.min() + _MAX_FOOT_HEIGHT * np.ptp(height))
@@ -260,7 +262,7 @@ def _bind_pair(
     )
 
 
-def _rest_rotations(clip: Clip, rest: Rest | float) -> Float:
+def _compute_rest_rotations(clip: Clip, rest: Rest | float) -> Float:
     """Returns the world rotations (N, 4) of the reference pose that motion is relative to."""
     if rest == "zero":
         return np.tile(IDENTITY, (len(clip.skeleton), 1))
@@ -272,7 +274,7 @@ def _rest_rotations(clip: Clip, rest: Rest | float) -> Float:
         body = source_anatomy(clip)
         limbs = [limb.proper for pair in body.pairs for limb in pair]
         if len(body.legs) == 1 and body.arms:
-            return hanging_pose(clip, limbs)
+            return compute_hanging_pose(clip, limbs)
     return mean_pose(clip)
 
 
@@ -294,7 +296,7 @@ def _match_pose(
     So a forearm that is bent at rest is straightened at the elbow. A spine or a neck is rotated as a whole
     and keeps the curve of the model's spine or neck.
     """
-    heading, skeleton = first_heading(clip), clip.skeleton
+    heading, skeleton = compute_first_heading(clip), clip.skeleton
     rest_rotations[list(pair.bones)] = heading
     if len(pair.source_joints) == 1:
         return
@@ -335,18 +337,18 @@ def _layer_basis(
     """Returns the rotation target_from_source (4,) of a chain's layer."""
     basis = axes.rotation_of(pair)
     if pair.plan.mode == "move" and len(pair.source_joints) > 1 < len(pair.target_joints):
-        source_ends, target_ends = _whole_limb_ends(pairs, pair)
+        source_ends, target_ends = _find_whole_limb_ends(pairs, pair)
         direction = axes.to_model(pair, source.positions[source_ends[1]] - source.positions[source_ends[0]])
         target_direction = target.positions[target_ends[1]] - target.positions[target_ends[0]]
         # If an ancestor chain has the performer's pose, this chain rotates about the performer's axes. Other
         # axes would change the pose of the limbs that are attached to this chain. A tail that a spine drives
         # points in the opposite direction, so it gets separate axes.
         is_same_direction = _leads_to_posed(pairs, pair) or float(direction @ target_direction) > 0.0
-        keeps_performer_axes = is_same_direction and _posed_bone_above(pairs, pair, source) is not None
+        keeps_performer_axes = is_same_direction and _find_posed_bone_above(pairs, pair, source) is not None
         basis = (
             basis
             if keeps_performer_axes
-            else multiply(_smallest_rotation(direction, target_direction, axes.lateral_axis), basis)
+            else multiply(_compute_smallest_rotation(direction, target_direction, axes.lateral_axis), basis)
         )
     return multiply(_half_turn(target, pair.target_joints), basis) if pair.plan.flip else basis
 
@@ -357,7 +359,9 @@ def _leads_to_posed(pairs: list[_ChainPair], pair: _ChainPair) -> bool:
     return any(follower.plan.mode == "pose" or _leads_to_posed(pairs, follower) for follower in followers)
 
 
-def _whole_limb_ends(pairs: list[_ChainPair], pair: _ChainPair) -> tuple[tuple[int, int], tuple[int, int]]:
+def _find_whole_limb_ends(
+    pairs: list[_ChainPair], pair: _ChainPair
+) -> tuple[tuple[int, int], tuple[int, int]]:
     """Returns (first joint, last joint) of a limb's consecutive chains of mode "move", for the take and for
     the model.
 
@@ -387,7 +391,7 @@ def _is_continuation(first: _ChainPair, second: _ChainPair) -> bool:
     )
 
 
-def _smallest_rotation(direction: Float, target_direction: Float, lateral_axis: Float) -> Float:
+def _compute_smallest_rotation(direction: Float, target_direction: Float, lateral_axis: Float) -> Float:
     """Returns the smallest rotation (4,) from one direction (3,) to another.
 
     Between opposite directions the smallest rotation is ambiguous. In this case the result is half a turn

@@ -57,10 +57,10 @@ def assign_limbs(source: Anatomy, target: Anatomy) -> list[Drive]:
     for (left, right), (from_left, from_right), role in _pair_matches(source, target, replacement_arms):
         is_mirrored = any(from_left is pair[1] for pair in source.pairs)
         for limb, source_limb, side in ((left, from_left, "left"), (right, from_right, "right")):
-            for drive in _limb_drives(source_limb, limb, f"{side} {role}"):
+            for drive in _make_limb_drives(source_limb, limb, f"{side} {role}"):
                 drives.append(replace(drive, mirrored=is_mirrored))
-    drives += _middle_drives(source, target)
-    drives += _tail_drives(source, target)
+    drives += _make_middle_drives(source, target)
+    drives += _make_tail_drives(source, target)
     return [drive for drive in drives if len(drive.source) > 1 and len(drive.target) > 1]
 
 
@@ -106,7 +106,7 @@ def _exchange_sides(pair: Pair, times: int) -> Pair:
     return (pair[1], pair[0]) if times % 2 else pair
 
 
-def _limb_drives(source: SkeletonLimb, target: SkeletonLimb, role: str) -> list[Drive]:
+def _make_limb_drives(source: SkeletonLimb, target: SkeletonLimb, role: str) -> list[Drive]:
     """Returns the drives of the girdle, the limb, and the hand or foot, as far as both limbs have these
     parts.
 
@@ -118,13 +118,13 @@ def _limb_drives(source: SkeletonLimb, target: SkeletonLimb, role: str) -> list[
     source_chain = source.main if target.tip or target.knots or are_like_arms else source.proper
     lead = () if girdles else source.girdle[:-1]
     drives = [Drive(source.girdle, target.girdle, f"{role} girdle")] if girdles else []
-    drives.append(Drive(source_chain, target.main, role, lead, knots=_matching_joints(source, target)))
+    drives.append(Drive(source_chain, target.main, role, lead, knots=_match_joints(source, target)))
     if source.tip and target.tip:
         drives.append(Drive(source.tip, target.tip, f"{role} end"))
     return drives
 
 
-def _matching_joints(source: SkeletonLimb, target: SkeletonLimb) -> tuple[tuple[int, int], ...]:
+def _match_joints(source: SkeletonLimb, target: SkeletonLimb) -> tuple[tuple[int, int], ...]:
     """Returns pairs (source, target) of joints in two limbs that correspond by name, such as elbows."""
     if not source.knots or len(source.knots) != len(target.knots):
         return ()
@@ -132,13 +132,13 @@ def _matching_joints(source: SkeletonLimb, target: SkeletonLimb) -> tuple[tuple[
     return tuple((source.chain[a], target.chain[b]) for a, b in knot_pairs)
 
 
-def _middle_drives(source: Anatomy, target: Anatomy) -> list[Drive]:
+def _make_middle_drives(source: Anatomy, target: Anatomy) -> list[Drive]:
     """Returns the drives of the trunk and the head."""
     head = source.head.chain if source.head else ()
     if len(target.trunk) > 1 and target.head and target.head.chain[0] == target.trunk[-1]:
         if len(source.trunk) > 1 and head and head[0] == source.trunk[-1]:
             assert source.head is not None
-            knots = _matching_joints(source.head, target.head)
+            knots = _match_joints(source.head, target.head)
             return [
                 Drive(source.trunk, target.trunk, "trunk"),
                 Drive(head, target.head.chain, "head", knots=knots),
@@ -162,7 +162,7 @@ def _join_trunk_and_head(trunk: tuple[int, ...], head: tuple[int, ...]) -> tuple
     return head or trunk
 
 
-def _tail_drives(source: Anatomy, target: Anatomy) -> list[Drive]:
+def _make_tail_drives(source: Anatomy, target: Anatomy) -> list[Drive]:
     if target.tail is None:
         return []
     if source.tail:
@@ -192,7 +192,7 @@ def split_drive(drive: Drive, cuts: Sequence[tuple[int, int]]) -> list[Drive]:
     return [first, *pieces[1:]]
 
 
-def matching_joints(drive: Drive, source_arc: list[float], target_arc: list[float]) -> list[tuple[int, int]]:
+def match_joints(drive: Drive, source_arc: list[float], target_arc: list[float]) -> list[tuple[int, int]]:
     """Returns indices (in the source, in the target) of corresponding inner joints of a drive, ascending.
 
     Joints that are both named after the same human joint correspond. Without such names, two limbs with the
@@ -205,10 +205,10 @@ def matching_joints(drive: Drive, source_arc: list[float], target_arc: list[floa
     if drive.knots:
         cuts = [(drive.source.index(a), drive.target.index(b)) for a, b in drive.knots]
         return [(a, b) for a, b in cuts if 0 < a < len(drive.source) - 1 and 0 < b < len(drive.target) - 1]
-    return _inner_matches(source_arc, target_arc, _MAX_ARC_DIFFERENCE)
+    return _match_inner_joints(source_arc, target_arc, _MAX_ARC_DIFFERENCE)
 
 
-def matching_joints_of_poses(
+def match_joints_of_poses(
     source_arc: list[float], target_arc: list[float], source_tip: int, target_tip: int
 ) -> list[tuple[int, int]]:
     """Returns indices (in the source, in the target) of corresponding inner joints of two limbs, ascending.
@@ -223,23 +223,27 @@ def matching_joints_of_poses(
             chain contains no hand or foot.
     """
     if source_tip == len(source_arc) - 1 or target_tip == len(target_arc) - 1:
-        return _inner_matches(source_arc, target_arc, 1.0)
-    above = _inner_matches(
-        _relative_arc(source_arc[: source_tip + 1]), _relative_arc(target_arc[: target_tip + 1]), 1.0
+        return _match_inner_joints(source_arc, target_arc, 1.0)
+    above = _match_inner_joints(
+        _compute_relative_arc(source_arc[: source_tip + 1]),
+        _compute_relative_arc(target_arc[: target_tip + 1]),
+        1.0,
     )
-    below = _inner_matches(
-        _relative_arc(source_arc[source_tip:]), _relative_arc(target_arc[target_tip:]), _MAX_ARC_DIFFERENCE
+    below = _match_inner_joints(
+        _compute_relative_arc(source_arc[source_tip:]),
+        _compute_relative_arc(target_arc[target_tip:]),
+        _MAX_ARC_DIFFERENCE,
     )
     return [*above, (source_tip, target_tip), *((source_tip + a, target_tip + b) for a, b in below)]
 
 
-def _relative_arc(arc: list[float]) -> list[float]:
+def _compute_relative_arc(arc: list[float]) -> list[float]:
     """Returns the arc length 0..1 at the joints of a part of a chain."""
     extent = max(arc[-1] - arc[0], 1e-9)
     return [(value - arc[0]) / extent for value in arc]
 
 
-def _inner_matches(
+def _match_inner_joints(
     source_arc: list[float], target_arc: list[float], max_difference: float
 ) -> list[tuple[int, int]]:
     """Returns matches of inner joints: joint by joint if the numbers are equal, otherwise by arc length."""
@@ -263,16 +267,16 @@ def joints_at_one_arc(
     rows, columns = len(first_arc) - 2, len(second_arc) - 2
     best: dict[tuple[int, int], tuple[float, tuple[tuple[int, int], ...]]] = {}
 
-    def best_pairs(i: int, j: int) -> tuple[float, tuple[tuple[int, int], ...]]:
+    def choose_best_pairs(i: int, j: int) -> tuple[float, tuple[tuple[int, int], ...]]:
         if i == 0 or j == 0:
             return 0.0, ()
         if (i, j) not in best:
-            options = [best_pairs(i - 1, j), best_pairs(i, j - 1)]
+            options = [choose_best_pairs(i - 1, j), choose_best_pairs(i, j - 1)]
             difference = abs(first_arc[i] - second_arc[j])
             if difference <= max_difference:
-                score, pairs = best_pairs(i - 1, j - 1)
+                score, pairs = choose_best_pairs(i - 1, j - 1)
                 options.append((score + 1.0 - difference, (*pairs, (i, j))))
             best[i, j] = max(options, key=lambda option: option[0])
         return best[i, j]
 
-    return list(best_pairs(rows, columns)[1])
+    return list(choose_best_pairs(rows, columns)[1])

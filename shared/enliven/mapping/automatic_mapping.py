@@ -16,16 +16,16 @@ from enliven.mapping.applying import apply_plan, initial_facings, source_anatomy
 from enliven.mapping.assignment import (
     Drive,
     assign_limbs,
-    matching_joints,
-    matching_joints_of_poses,
+    match_joints,
+    match_joints_of_poses,
     split_drive,
 )
 from enliven.mapping.gait import (
     bones_that_only_step,
+    choose_standing_on_feet,
+    find_posed_stepping_legs,
     leg_to_ankle,
     legs_that_step,
-    posed_legs_that_step,
-    standing_on_feet,
     step_scale,
     step_sizes,
 )
@@ -136,7 +136,7 @@ def _finger_chains(
     Other fingers follow the hand.
     """
     chains, source = list[ChainPlan](), clip.skeleton
-    for side, source_arm, target_arm in _matching_arms(performer_anatomy, target_anatomy):
+    for side, source_arm, target_arm in _match_arms(performer_anatomy, target_anatomy):
         wrist, target_fingers = source_arm.main[-1], finger_joints(target, target_arm.main[-1])
         for finger, chain in finger_joints(source, wrist).items():
             if finger not in target_fingers or not _is_moving_finger(clip, chain):
@@ -151,7 +151,7 @@ def _finger_chains(
     return chains
 
 
-def _matching_arms(source: Anatomy, target: Anatomy) -> Iterator[tuple[str, SkeletonLimb, SkeletonLimb]]:
+def _match_arms(source: Anatomy, target: Anatomy) -> Iterator[tuple[str, SkeletonLimb, SkeletonLimb]]:
     """Yields (side, arm of the take, arm of the model) for each side if both arms have known joint names."""
     for source_pair, target_pair in zip(source.arms[:1], target.arms[:1], strict=False):
         for side, source_arm, target_arm in zip(("left", "right"), source_pair, target_pair, strict=True):
@@ -339,11 +339,11 @@ def _limb_pieces(
         arcs = arcs[:1]
     source_arc, target_arc = (np.mean(side, axis=0).tolist() for side in zip(*arcs, strict=True))
     if tips is None or drive.knots or drive.source[0] not in tips[0] or drive.target[0] not in tips[1]:
-        cuts = matching_joints(drive, source_arc, target_arc)
+        cuts = match_joints(drive, source_arc, target_arc)
     else:
         ends = zip(tips, (drive.source, drive.target), strict=True)
         source_tip, target_tip = (min(numbers[chain[0]], len(chain) - 1) for numbers, chain in ends)
-        cuts = matching_joints_of_poses(source_arc, target_arc, source_tip, target_tip)
+        cuts = match_joints_of_poses(source_arc, target_arc, source_tip, target_tip)
     pieces = split_drive(drive, cuts)
     if not drive.knots or drive.role == "head":
         return pieces
@@ -426,7 +426,7 @@ def retarget(
     if not plan.chains:
         remedy = "Write a mapping file with --write-map, and edit it."
         raise InputError("no chain of the take matches a chain of the model", where="mapping", remedy=remedy)
-    stepping, posed = legs_that_step(shape, clip, plan), posed_legs_that_step(shape, clip, plan)
+    stepping, posed = legs_that_step(shape, clip, plan), find_posed_stepping_legs(shape, clip, plan)
     # A body with the performer's skeleton moves exactly as in the take, unless its feet are planted.
     is_same_skeleton = plan.travel and not posed and _is_twin(clip.skeleton, shape.skeleton)
     is_on_floor = stands_on_floor(shape) and not is_same_skeleton
@@ -442,7 +442,7 @@ def retarget(
     project, names = limit_joints(project, shape.id, clip, plan, clips, stepping_bones)
     if level:
         project = apply_steps(project, shape.id, clip, rebased_clip, plan)
-        feet = standing_on_feet(clip) if posed and plan.travel else None
+        feet = choose_standing_on_feet(clip) if posed and plan.travel else None
         project = keep_on_floor(project, shape.id, rebased_clip, duration, not stepping, feet)
     if plan.pin:
         steps = step_sizes(shape, clip, rebased_clip, plan)

@@ -19,7 +19,7 @@ from enliven.document import Clip, RiggedCharacter, Skeleton, joint_places
 from enliven.mapping.applying import initial_facings, source_anatomy
 from enliven.mapping.ground import floor_height_under, foot_contact_weights
 from enliven.mapping.plan import Mode, Plan
-from enliven.mapping.resting import first_heading, heading_from_rotation
+from enliven.mapping.resting import compute_first_heading, heading_from_rotation
 from enliven.motion.layers.travel import travel_scale
 from enliven.rotation import IDENTITY, conjugate, multiply, rotate
 from enliven.skeletons.anatomy import Anatomy, Pair, SkeletonLimb, find_anatomy
@@ -85,7 +85,7 @@ def legs_that_step(shape: RiggedCharacter, clip: Clip, plan: Plan) -> tuple[Skel
     return tuple(step.limb for step in find_stepping_legs(shape, clip, plan))
 
 
-def posed_legs_that_step(shape: RiggedCharacter, clip: Clip, plan: Plan) -> tuple[SkeletonLimb, ...]:
+def find_posed_stepping_legs(shape: RiggedCharacter, clip: Clip, plan: Plan) -> tuple[SkeletonLimb, ...]:
     """Returns the legs of a shape that step and keep the performer's pose."""
     return tuple(step.limb for step in find_stepping_legs(shape, clip, plan) if step.posed)
 
@@ -147,23 +147,23 @@ def find_stepping_legs(shape: RiggedCharacter, clip: Clip, plan: Plan) -> list[L
     model, performer = find_anatomy(shape.skeleton), source_anatomy(clip)
     if not (plan.steps and plan.floor and performer.legs) or (shape.modeling != IDENTITY).any():
         return []
-    driven, steps = _driven_bones(shape.skeleton, plan, "move"), list[LegStep]()
-    posed = _driven_bones(shape.skeleton, plan, "pose") if plan.pin and plan.travel else set[int]()
+    driven, steps = _find_driven_bones(shape.skeleton, plan, "move"), list[LegStep]()
+    posed = _find_driven_bones(shape.skeleton, plan, "pose") if plan.pin and plan.travel else set[int]()
     for number, pair in enumerate(reversed(model.legs)):
         is_foreleg = 0 < number == len(model.legs) - 1 >= len(performer.legs) and performer.arms
         arms = performer.arms[0] if is_foreleg else (None, None)
-        for limb, source, arm in zip(pair, _matching_legs(performer, number), arms, strict=True):
-            leg, bones = _posed_leg(limb, posed), set(leg_to_ankle(limb)[1:])
+        for limb, source, arm in zip(pair, _match_legs(performer, number), arms, strict=True):
+            leg, bones = _make_posed_leg(limb, posed), set(leg_to_ankle(limb)[1:])
             if len(leg) > 2:
                 steps.append(
-                    LegStep(limb, source, arm, True, leg, _performed_leg(shape, clip, plan, leg, source))
+                    LegStep(limb, source, arm, True, leg, _make_performed_leg(shape, clip, plan, leg, source))
                 )
             elif len(bones) > 1 and bones <= driven:
                 steps.append(LegStep(limb, source, arm, False, leg_to_ankle(limb), leg_to_ankle(source)))
     return steps
 
 
-def _posed_leg(limb: SkeletonLimb, posed: Collection[int]) -> tuple[int, ...]:
+def _make_posed_leg(limb: SkeletonLimb, posed: Collection[int]) -> tuple[int, ...]:
     """Returns the joints of a leg down to its ankle, or to its last joint in ``posed`` if that is higher
     up."""
     leg = limb.proper[:1]
@@ -174,7 +174,7 @@ def _posed_leg(limb: SkeletonLimb, posed: Collection[int]) -> tuple[int, ...]:
     return leg
 
 
-def _performed_leg(
+def _make_performed_leg(
     shape: RiggedCharacter, clip: Clip, plan: Plan, leg: tuple[int, ...], source: SkeletonLimb
 ) -> tuple[int, ...]:
     """Returns the joints of the performer's leg down to the joint that drives the end of a posed leg."""
@@ -195,7 +195,7 @@ def _performed_leg(
     return source.proper[: max(min(last_index, ankle), 2) + 1]
 
 
-def _driven_bones(skeleton: Skeleton, plan: Plan, mode: Mode) -> set[int]:
+def _find_driven_bones(skeleton: Skeleton, plan: Plan, mode: Mode) -> set[int]:
     """Returns the bones of the model that chains of ``mode`` drive at the take's own speed and without
     delay."""
     bones = set[int]()
@@ -208,7 +208,7 @@ def _driven_bones(skeleton: Skeleton, plan: Plan, mode: Mode) -> set[int]:
     return bones
 
 
-def _matching_legs(performer: Anatomy, number: int) -> Pair:
+def _match_legs(performer: Anatomy, number: int) -> Pair:
     """Returns the pair of the performer's legs that drives the model's pair ``number``, counted from the
     rear."""
     leg_pairs = len(performer.legs)
@@ -225,7 +225,7 @@ def leg_to_ankle(limb: SkeletonLimb) -> tuple[int, ...]:
     return limb.proper[:-1] if len(limb.proper) > 3 else limb.proper
 
 
-def standing_on_feet(clip: Clip) -> Float:
+def choose_standing_on_feet(clip: Clip) -> Float:
     """Returns weights (F,) per frame: 1 while the performer stands on the feet, and 0 while on knees, hands
     or other body parts."""
     legs = (limb for pair in source_anatomy(clip).legs for limb in pair)
@@ -261,7 +261,9 @@ class PerformerGait:
         floor_height = np.percentile(places[..., 1].min(1), _LOWEST_PERCENT)
         offsets = places - clip.root[:, None]
         if not plan.turn:
-            heading_change = multiply(first_heading(clip), conjugate(heading_from_rotation(clip.turns[:, 0])))
+            heading_change = multiply(
+                compute_first_heading(clip), conjugate(heading_from_rotation(clip.turns[:, 0]))
+            )
             offsets = rotate(heading_change[:, None], offsets)
         frames_before = np.clip(
             np.searchsorted(frame_times, times, side="right") - 1, 0, max(len(frame_times) - 2, 0)
@@ -287,7 +289,7 @@ class PerformerGait:
         vertical_motion = np.abs(np.diff(self.offsets[:, foot_joints, 1] + self.root_height[:, None], axis=0))
         return foot_joints[int(np.percentile(vertical_motion, 100.0 - _STANDING_PERCENT, axis=0).argmin())]
 
-    def neutral_foot_position(self, foot: int, heading: Float) -> Float:
+    def compute_neutral_foot_position(self, foot: int, heading: Float) -> Float:
         """Returns the neutral position (3,) of a foot in metres from the root, for a body that faces +Z.
 
         If the mapping names a reference time in the take, the result is the position at this time. Otherwise

@@ -1,7 +1,7 @@
 """Keeps a retargeted shape on the floor while its performer is on the floor.
 
 stands_on_floor(shape)                        # True for legs, or a lowest point at y = 0
-posed_surfaces(project, shape_id, times)   # yields the vertices at each time
+compute_posed_surfaces(project, shape_id, times)   # yields the vertices at each time
 keep_on_floor(project, shape_id, clip, duration)    # moves the root up and down with the lowest point
 """
 
@@ -83,7 +83,7 @@ def body_points(shape: RiggedCharacter) -> Bool:
     is_object = is_object_bone[main_bone]
     for arm in (arm for arm in arms if arm.knots):
         elbow, wrist = (skeleton.positions[arm.chain[knot]] for knot in arm.knots[1:3])
-        hand = np.isin(main_bone, skeleton.below(arm.chain[arm.knots[2]])[1:])
+        hand = np.isin(main_bone, skeleton.list_subtree(arm.chain[arm.knots[2]])[1:])
         is_object |= hand & (
             np.linalg.norm(points - wrist, axis=1) > _MAX_HAND_DISTANCE * np.linalg.norm(wrist - elbow)
         )
@@ -108,12 +108,12 @@ def _body_at_rest(shape: RiggedCharacter) -> Float:
     return np.asarray(rest[body_points(shape)])
 
 
-def posed_surfaces(project: Project, shape_id: str, times: AnyArray) -> Iterator[Float]:
+def compute_posed_surfaces(project: Project, shape_id: str, times: AnyArray) -> Iterator[Float]:
     """Yields the vertices (V, 3) of a shape in metres at times (T,), or its joints if it has no mesh."""
     player, shape = Player(project, shape_id), project.shape(shape_id)
     character = None if shape.mesh is None else character_of(shape)
     for seconds in times:
-        posed = player.at(float(seconds))
+        posed = player.compute_pose(float(seconds))
         if character is None:
             yield posed.joints
         else:
@@ -152,13 +152,14 @@ def keep_on_floor(
     shape = project.shape(shape_id)
     contact_times = sample_times(duration, min(_MAX_RATE_HZ, 1.0 / clip.step))
     body = body_points(shape)
-    low, steps = _lowest_point_path(
-        (surface[body] for surface in posed_surfaces(project, shape_id, contact_times)), len(contact_times)
+    low, steps = _compute_lowest_point_path(
+        (surface[body] for surface in compute_posed_surfaces(project, shape_id, contact_times)),
+        len(contact_times),
     )
     # The sampling rate of the path is at least the take's frame rate. At a lower rate, standing feet would
     # tremble.
     times = sample_times(duration, max(_MAX_RATE_HZ, 1.0 / clip.step))
-    root = Player(project, shape_id).root(times)
+    root = Player(project, shape_id).compute_root(times)
     rise = np.interp(times, contact_times, floor_height_under(shape) - low)
     frames = np.arange(len(clip.turns)) * clip.step
     if shape.travel is not None:
@@ -211,7 +212,7 @@ def sample_times(duration: float, rate: float) -> Float:
     return np.linspace(0.0, duration, int(np.ceil(duration * rate)) + 1)
 
 
-def _lowest_point_path(moments: Iterator[Float], count: int) -> tuple[Float, Float]:
+def _compute_lowest_point_path(moments: Iterator[Float], count: int) -> tuple[Float, Float]:
     """Returns the height (F,) of the lowest point of a shape, and the steps (F - 1, 2) of its lowest part, in
     metres.
 

@@ -73,7 +73,10 @@ def limit_joints(
     )
     turns, joints = Player(project, shape_id).sample(times)
     own_clips = [candidate for candidate in clips if is_own_take(candidate, shape)]
-    ranges, followers = joint_ranges(shape.skeleton, own_clips, fractions), _following_bones(shape, fractions)
+    ranges, followers = (
+        joint_ranges(shape.skeleton, own_clips, fractions),
+        _find_following_bones(shape, fractions),
+    )
     limited_turns, limited_bones = limit_pose(shape.skeleton, turns, ranges, followers)
     if not limited_bones:
         return project, ()
@@ -115,7 +118,7 @@ def joint_ranges(
             continue
         turns = None if local is None else local[:, j]
         if local is not None and j in partners:
-            turns = np.concatenate([local[:, j], _mirrored_rotations(local[:, partners[j]], facing)])
+            turns = np.concatenate([local[:, j], _mirror_rotations(local[:, partners[j]], facing)])
         ranges[j] = fit_joint_range(skeleton.vectors[j], turns, max(fraction, _MIN_ANGLE_FRACTION))
     return ranges
 
@@ -188,7 +191,7 @@ def _is_played_once(layer: Layer) -> bool:
     return (layer.offset, layer.speed, layer.loop) == (0.0, 1.0, False)
 
 
-def _following_bones(shape: RiggedCharacter, bones: Collection[int]) -> dict[int, int]:
+def _find_following_bones(shape: RiggedCharacter, bones: Collection[int]) -> dict[int, int]:
     """Returns the bones that copy the motion of a sibling in ``bones``, such as twist bones.
 
     Each bone is mapped to the sibling that it copies.
@@ -211,7 +214,7 @@ def _bone_partners(skeleton: Skeleton) -> dict[int, int]:
     return partners
 
 
-def _mirrored_rotations(turns: Float, facing: float) -> Float:
+def _mirror_rotations(turns: Float, facing: float) -> Float:
     """Returns rotations (T, 4) mirrored in the sagittal plane of a body with ``facing`` in radians."""
     mirrored = rotate_about_y(turns[:, 1:], -facing) * [1.0, -1.0, -1.0]
     return np.concatenate([turns[:, :1], rotate_about_y(mirrored, facing)], axis=1)

@@ -1,6 +1,6 @@
 """Finds the clips of a model's own file among a project's takes, and plays one of them on a shape.
 
-own_clips(project, shape)                    # the names of the takes that have the shape's own skeleton
+list_own_clips(project, shape)                    # the names of the takes that have the shape's own skeleton
 clip_to_open(shape, clips)                   # the clip that a model plays when it is opened
 play_own_clip(project, shape_id, name)       # plays a clip instead of other takes; None stops it
 """
@@ -43,7 +43,7 @@ def _is_same(first: Skeleton, second: Skeleton) -> bool:
     return bool(offset < _MAX_JOINT_DIFFERENCE * float(np.ptp(second.positions, axis=0).max()))
 
 
-def own_clips(project: Project, shape: RiggedCharacter) -> tuple[str, ...]:
+def list_own_clips(project: Project, shape: RiggedCharacter) -> tuple[str, ...]:
     """Returns the names of the takes that were recorded on a shape's own skeleton.
 
     These takes can be played joint by joint, without retargeting. This also works if the shape has been
@@ -60,7 +60,7 @@ def own_clips(project: Project, shape: RiggedCharacter) -> tuple[str, ...]:
     )
 
 
-def played_clip(project: Project, shape: RiggedCharacter) -> str | None:
+def find_played_clip(project: Project, shape: RiggedCharacter) -> str | None:
     """Returns the name of the model's own clip that the shape plays, or None. Keys are ignored."""
     joint_layers = _joint_layers(project, shape)
     return joint_layers[0].take if joint_layers and not joint_layers[0].muted else None
@@ -69,7 +69,7 @@ def played_clip(project: Project, shape: RiggedCharacter) -> str | None:
 def is_looping(clip: Clip) -> bool:
     """Returns True if a clip ends in its first pose, so that it can loop. Travel over the ground is
     ignored."""
-    poses = _relative_poses(clip)
+    poses = _compute_relative_poses(clip)
     if len(poses) < 2:
         return False
     steps = np.linalg.norm(np.diff(poses, axis=0), axis=2).max(1)
@@ -97,7 +97,7 @@ def play_own_clip(project: Project, shape_id: str, name: str | None) -> Project:
         InputError: if the take does not exist, or has another skeleton.
     """
     shape = project.shape(shape_id)
-    clips, joint_layers = own_clips(project, shape), _joint_layers(project, shape)
+    clips, joint_layers = list_own_clips(project, shape), _joint_layers(project, shape)
     if name is not None and name not in clips:
         remedy = f"Known clips: {', '.join(clips) or 'none'}."
         raise InputError(f"{name!r} is not a clip of {shape_id!r}", where="project", remedy=remedy)
@@ -163,7 +163,7 @@ def loop_takes(project: Project, shape_id: str) -> Project:
     return project.with_characters(shape.with_changes(layers=tuple(layers)))
 
 
-def _relative_poses(clip: Clip) -> Float:
+def _compute_relative_poses(clip: Clip) -> Float:
     """Returns joint positions (F, N, 3) in metres relative to the point on the floor below the root."""
     return np.asarray(joint_places(clip) - clip.root[:, None] * [1.0, 0.0, 1.0])
 

@@ -1,9 +1,9 @@
 """Foot planting (foot lock) for a body in its performer's pose: corrects the path of the root so that feet do
 not slide.
 
-    spans = standing_spans(foot, root, step, length)     # the contacts of the performer's foot
+    spans = find_standing_spans(foot, root, step, length)     # the contacts of the performer's foot
     turns = remove_spin(Sole(shape, bones).spin(turns, joints), spans, step)   # keeps its heading
-    rolled, low = Sole(shape, bones).rolling(turns, joints)   # how the model's own foot rolls
+    rolled, low = Sole(shape, bones).compute_rolling(turns, joints)   # how the model's own foot rolls
     hip_shift(leg, other_leg, rise, step)                   # lets both feet stand without bent legs
     plant_body(legs, root, step, floor)                     # the path of the root, and offsets of feet
 
@@ -102,7 +102,7 @@ class PosedLeg:
 
     Attributes:
         rolled: (T, 2) metres along x and z, the accumulated motion of the touching part of the sole relative
-            to the root; see :func:`rolling_motion`.
+            to the root; see :func:`compute_rolling_motion`.
         sole: (T,) metres from the root up to the lowest point of the foot.
         clearance: (T,) height in metres of the performer's foot above the floor, scaled to the model's size.
         length: length of the leg in metres.
@@ -116,7 +116,7 @@ class PosedLeg:
     spans: Spans
 
 
-def rolling_motion(points: Float, contact_height: float) -> tuple[Float, Float]:
+def compute_rolling_motion(points: Float, contact_height: float) -> tuple[Float, Float]:
     """Computes the motion of a foot that rolls over a floor.
 
     A foot that rolls without sliding rotates about the points that touch the floor, first the heel and last
@@ -132,7 +132,7 @@ def rolling_motion(points: Float, contact_height: float) -> tuple[Float, Float]:
         (T, 2) metres along x and z, the accumulated motion of the touching points relative to the root, and
         (T,) metres from the root up to the lowest point.
     """
-    weights = _touching_weights(points[..., 1], contact_height)
+    weights = _compute_touching_weights(points[..., 1], contact_height)
     touching_steps = _median_motion(np.diff(points[..., [0, 2]], axis=0), weights, contact_height)
     rolled = np.concatenate([np.zeros((1, 2)), np.cumsum(touching_steps, axis=0)])
     return rolled, np.asarray(points[..., 1].min(1))
@@ -162,7 +162,7 @@ def _median_motion(moves: Float, weights: Float, contact_height: float) -> Float
     return np.asarray(median)
 
 
-def _touching_weights(height: Float, contact_height: float) -> Float:
+def _compute_touching_weights(height: Float, contact_height: float) -> Float:
     """Returns the contact weights (T - 1, P) of points in each step, with the sum 1.
 
     Args:
@@ -174,7 +174,7 @@ def _touching_weights(height: Float, contact_height: float) -> Float:
     return np.asarray(weights / weights.sum(1, keepdims=True))
 
 
-def standing_spans(foot: Float, root: Float, step: float, length: float) -> Spans:
+def find_standing_spans(foot: Float, root: Float, step: float, length: float) -> Spans:
     """Returns the contacts of a foot: the spans in which one of its joints is low and slow.
 
     The speed limit rises with the speed of the body.
@@ -230,13 +230,15 @@ class Sole:
             positions[:, moved] += weight[moved, None] * (rotated + joints[:, bone, None])
         return positions
 
-    def rolling(self, turns: Float, joints: Float) -> tuple[Float, Float]:
-        """Returns :func:`rolling_motion` of the points, for world rotations (T, N, 4), and joint positions
-        (T, N, 3) in metres relative to the root."""
+    def compute_rolling(self, turns: Float, joints: Float) -> tuple[Float, Float]:
+        """Returns :func:`compute_rolling_motion` of the points, for world rotations (T, N, 4), and joint
+        positions (T, N, 3) in metres relative to the root."""
         rolled, lowest, offset = [np.zeros((1, 2))], list[Float](), np.zeros(2)
         for start in range(0, max(len(turns) - 1, 1), _FRAMES_PER_BLOCK):
             frames = slice(start, start + _FRAMES_PER_BLOCK + 1)
-            path, height = rolling_motion(self.points(turns[frames], joints[frames]), self._contact_height)
+            path, height = compute_rolling_motion(
+                self.points(turns[frames], joints[frames]), self._contact_height
+            )
             rolled.append(offset + path[1:])
             offset, lowest = offset + path[-1], [*lowest, height if not start else height[1:]]
         return np.concatenate(rolled), np.concatenate(lowest)
@@ -252,7 +254,7 @@ class Sole:
         for start in range(0, max(len(turns) - 1, 1), _FRAMES_PER_BLOCK):
             frames = slice(start, start + _FRAMES_PER_BLOCK + 1)
             points = self.points(turns[frames], joints[frames])
-            weights = _touching_weights(points[..., 1], self._contact_height)
+            weights = _compute_touching_weights(points[..., 1], self._contact_height)
             places, moves = (
                 0.5 * (points[1:] + points[:-1])[..., [0, 2]],
                 np.diff(points[..., [0, 2]], axis=0),
@@ -265,7 +267,7 @@ class Sole:
             steps.append(np.sum(weights * moments, axis=1) / (inertia + self._min_patch_radius**2))
         return np.cumsum(np.concatenate(steps))
 
-    def lowest(self, turns: Float, joints: Float) -> Float:
+    def compute_lowest_height(self, turns: Float, joints: Float) -> Float:
         """Returns the height (T,) in metres of the lowest point, for rotations (T, N, 4) and joints (T, N,
         3)."""
         blocks = (
@@ -275,7 +277,9 @@ class Sole:
             [self.points(turns[frames], joints[frames])[..., 1].min(1) for frames in blocks]
         )
 
-    def lowest_turned(self, turns: Float, joints: Float, turnings: Sequence[Float], about: int) -> Float:
+    def compute_turned_heights(
+        self, turns: Float, joints: Float, turnings: Sequence[Float], about: int
+    ) -> Float:
         """Returns the height (A, T) in metres of the lowest point relative to a joint, after all points are
         rotated about this joint.
 
@@ -310,11 +314,13 @@ def _foot_surface(shape: RiggedCharacter, bones: Sequence[int]) -> tuple[Float, 
         return joints
     main_bone = shape.skin.indices[foot_vertices, foot_weights[foot_vertices].argmax(1)]
     groups = [foot_vertices[main_bone == bone] for bone in np.unique(main_bone)]
-    outermost = np.concatenate([group[_outermost_points(shape.mesh.vertices[group])] for group in groups])
+    outermost = np.concatenate(
+        [group[_find_outermost_points(shape.mesh.vertices[group])] for group in groups]
+    )
     return shape.mesh.vertices[outermost], shape.skin.indices[outermost], shape.skin.weights[outermost]
 
 
-def _outermost_points(points: Float) -> Int:
+def _find_outermost_points(points: Float) -> Int:
     """Returns the indices (P,) of the points (V, 3) that are farthest out in at least one direction."""
     if len(points) <= _SEARCH_DIRECTIONS:
         return np.arange(len(points))
@@ -341,11 +347,11 @@ def remove_spin(spin: Float, spans: Spans, step: float) -> Float:
     ends = [-blend, *(b for _, b in spans)]
     starts = [*(a for a, _ in spans), count + blend]
     for number, (first, last) in enumerate(spans):
-        turns[first : last + 1] = _standing_turns(spin[first : last + 1])
+        turns[first : last + 1] = _compute_standing_turns(spin[first : last + 1])
         frames_before, frames_after = min(blend, first - ends[number]), min(blend, starts[number + 1] - last)
         fade_in, fade_out = (
-            _fading_weights(frames_before)[::-1] * turns[first],
-            _fading_weights(frames_after) * turns[last],
+            _compute_fading_weights(frames_before)[::-1] * turns[first],
+            _compute_fading_weights(frames_after) * turns[last],
         )
         turns[max(first - len(fade_in), 0) : first] += fade_in[len(fade_in) - min(len(fade_in), first) :]
         turns[last + 1 : last + 1 + len(fade_out)] += fade_out[: count - last - 1]
@@ -366,19 +372,19 @@ def hold_heading(heading: Float, spans: Spans, step: float) -> Float:
     spans = _join_spans(spans, max(round(_MIN_SWING_S / step), 1))
     if not spans:
         return heading
-    turns = np.concatenate([_standing_turns(heading[first : last + 1]) for first, last in spans])
+    turns = np.concatenate([_compute_standing_turns(heading[first : last + 1]) for first, last in spans])
     frames = np.concatenate([np.arange(first, last + 1) for first, last in spans])
     # Before the first contact and after the last the correction is constant. Between two contacts it eases
     # from one to the next.
     position = np.interp(np.arange(len(heading)), frames, np.arange(len(frames)))
-    before = np.floor(position).astype(int)
-    share = position - before
+    previous = np.floor(position).astype(int)
+    share = position - previous
     share = share * share * (3.0 - 2.0 * share)
-    after = np.minimum(before + 1, len(frames) - 1)
-    return np.asarray(heading + (1.0 - share) * turns[before] + share * turns[after])
+    after = np.minimum(previous + 1, len(frames) - 1)
+    return np.asarray(heading + (1.0 - share) * turns[previous] + share * turns[after])
 
 
-def _standing_turns(spin: Float) -> Float:
+def _compute_standing_turns(spin: Float) -> Float:
     """Returns the rotations (F,) in radians that keep the median heading of a contact, as far as a leg
     allows."""
     heading, turns = float(np.median(spin)), np.empty(len(spin))
@@ -435,14 +441,14 @@ def plant_body(legs: Sequence[PosedLeg], root: Float, step: float, floor: float)
     if not any(leg.spans for leg in legs):
         return root, [np.zeros_like(root) for _ in legs]
     smooth = (_SMOOTH_S / step) ** 2
-    standing = [_standing_mask(leg.spans, len(root)) for leg in legs]
+    standing = [_make_standing_mask(leg.spans, len(root)) for leg in legs]
     standing_steps = [np.minimum(mask[1:], mask[:-1]) for mask in standing]
     for column, axis in enumerate((0, 2)):
         slips = [-np.diff(leg.rolled[:, column] + root[:, axis]) for leg in legs]
-        root[1:, axis] += np.cumsum(_smoothest_path(slips, standing_steps, smooth, _PATH_WEIGHT))
+        root[1:, axis] += np.cumsum(_find_smoothest_path(slips, standing_steps, smooth, _PATH_WEIGHT))
     flight_weights = _flight_weights(standing, step)
     target_heights = [floor - root[:, 1] - leg.sole for leg in legs]
-    rise = _smoothest_path(target_heights, standing, smooth, 0.0)
+    rise = _find_smoothest_path(target_heights, standing, smooth, 0.0)
     # While the body is in the air, raise it until no foot is too low.
     min_rise = np.max(
         [
@@ -453,7 +459,7 @@ def plant_body(legs: Sequence[PosedLeg], root: Float, step: float, floor: float)
     )
     rise_weights = np.where(min_rise > rise, flight_weights, 0.0)
     root[:, 1] += (
-        _smoothest_path([*target_heights, min_rise], [*standing, rise_weights], smooth, 0.0)
+        _find_smoothest_path([*target_heights, min_rise], [*standing, rise_weights], smooth, 0.0)
         if rise_weights.any()
         else rise
     )
@@ -475,27 +481,31 @@ def hip_shift(first: PosedLeg, second: PosedLeg, rise: Float, step: float) -> Fl
             used while fewer than two feet stand.
         step: seconds from one frame to the next.
     """
-    both = np.minimum(*(_standing_mask(leg.spans, len(leg.sole)) for leg in (first, second)))
+    both = np.minimum(*(_make_standing_mask(leg.spans, len(leg.sole)) for leg in (first, second)))
     apart = first.rolled - second.rolled
     for start, end in find_runs(both > 0.0):
         apart[start : end + 1] -= np.median(apart[start : end + 1], axis=0)
     smooth = (_SMOOTH_S / step) ** 2
-    x, z = (_smoothest_path([-column], [both], smooth, 0.0) for column in apart.T)
-    y = _smoothest_path([second.sole - first.sole, rise], [both, 1.0 - both], smooth, 0.0)
+    x, z = (_find_smoothest_path([-column], [both], smooth, 0.0) for column in apart.T)
+    y = _find_smoothest_path([second.sole - first.sole, rise], [both, 1.0 - both], smooth, 0.0)
     return np.stack([x, y, z], axis=1)
 
 
-def remaining_offsets(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) -> list[Float]:
+def compute_remaining_offsets(
+    legs: Sequence[PosedLeg], root: Float, step: float, floor: float
+) -> list[Float]:
     """Returns the remaining offset (T, 3) in metres of each foot for a given path ``root`` (T, 3), which is
     not corrected.
 
     The other arguments are those of :func:`plant_body`.
     """
-    flight_weights = _flight_weights([_standing_mask(leg.spans, len(root)) for leg in legs], step)
+    flight_weights = _flight_weights([_make_standing_mask(leg.spans, len(root)) for leg in legs], step)
     return [_foot_offsets(leg, root, step, floor, flight_weights) for leg in legs]
 
 
-def _smoothest_path(targets: Sequence[Float], weights: Sequence[Float], smooth: float, free: float) -> Float:
+def _find_smoothest_path(
+    targets: Sequence[Float], weights: Sequence[Float], smooth: float, free: float
+) -> Float:
     """Computes the path x (T,) that minimises sum w (x - target)^2 + smooth sum (x' - x)^2 + free sum x^2.
 
     The first sum is over all pairs of ``weights`` and ``targets``, (T,) each. x' is the next value of x.
@@ -511,7 +521,7 @@ def _smoothest_path(targets: Sequence[Float], weights: Sequence[Float], smooth: 
     return np.asarray(scipy.linalg.solveh_banded(bands, right_side))
 
 
-def _standing_mask(spans: Spans, count: int) -> Float:
+def _make_standing_mask(spans: Spans, count: int) -> Float:
     """Returns (T,) 1 within the spans and 0 elsewhere."""
     mask = np.zeros(count)
     for first, last in spans:
@@ -542,10 +552,12 @@ def _foot_offsets(leg: PosedLeg, root: Float, step: float, floor: float, flight_
         frames_before = min(blend, first - ends[number])
         frames_after = min(blend, starts[number + 1] - last)
         offsets[first - frames_before + 1 : first] += (
-            _fading_weights(frames_before)[::-1, None] * correction[0]
+            _compute_fading_weights(frames_before)[::-1, None] * correction[0]
         )
-        offsets[last + 1 : last + frames_after] += _fading_weights(frames_after)[:, None] * correction[-1]
-    min_height = (1.0 - _standing_mask(leg.spans, count)) * _min_clearance(leg, flight_weights)
+        offsets[last + 1 : last + frames_after] += (
+            _compute_fading_weights(frames_after)[:, None] * correction[-1]
+        )
+    min_height = (1.0 - _make_standing_mask(leg.spans, count)) * _min_clearance(leg, flight_weights)
     offsets[:, 1] = np.maximum(offsets[:, 1], min_height - height)
     return offsets
 
@@ -562,7 +574,7 @@ def _min_clearance(leg: PosedLeg, flight_weights: Float) -> Float:
     )
 
 
-def _fading_weights(count: int) -> Float:
+def _compute_fading_weights(count: int) -> Float:
     """Returns (count - 1,) weights that fall smoothly from nearly 1 to nearly 0."""
     remaining = 1.0 - np.arange(1, count) / max(count, 1)
     return np.asarray(remaining * remaining * (3.0 - 2.0 * remaining))

@@ -20,7 +20,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, Layer, Project, RiggedCharacter, joint_places
 from enliven.mapping.applying import apply_plan, source_anatomy
-from enliven.mapping.gait import legs_that_step, posed_legs_that_step
+from enliven.mapping.gait import find_posed_stepping_legs, legs_that_step
 from enliven.mapping.plan import Plan
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import rotate, swing, unit
@@ -62,7 +62,7 @@ def limb_errors(
         duration: duration of the compared motion in seconds.
     """
     retargeted = project.shape(shape_id)
-    posed = posed_legs_that_step(retargeted, clip, plan)
+    posed = find_posed_stepping_legs(retargeted, clip, plan)
     stepping = {limb.proper for limb in legs_that_step(retargeted, clip, plan) if limb not in posed}
     # The expected motion is the result of the plan without steps and foot locks.
     planned, _ = apply_plan(Project(), retargeted.at_rest(retargeted.mesh)[0], clip, plan)
@@ -74,14 +74,14 @@ def limb_errors(
     joints = Player(project, shape_id).sample(times)[1]
     errors = list[LimbError]()
     starts = {limb.proper[0] for pair in source_anatomy(clip).pairs for limb in pair}
-    for name, layer, chain in _driven_segments(planned, shape, clip, stepping):
-        expected = _expected_directions(planned.takes[layer.take], layer, starts, shape, chain, times)
+    for name, layer, chain in _find_driven_segments(planned, shape, clip, stepping):
+        expected = _compute_expected_directions(planned.takes[layer.take], layer, starts, shape, chain, times)
         angles = _degrees_between(joints[:, chain[-1]] - joints[:, chain[0]], expected)
         errors.append(LimbError(name, float(np.median(angles)), float(np.percentile(angles, 90.0))))
     return tuple(errors)
 
 
-def _driven_segments(
+def _find_driven_segments(
     project: Project, shape: RiggedCharacter, clip: Clip, without: set[tuple[int, ...]]
 ) -> Iterator[tuple[str, Layer, tuple[int, ...]]]:
     """Yields the name, layer and joints of each limb segment that one layer of the performer's take drives.
@@ -134,7 +134,7 @@ def _plays_unchanged(project: Project, layer: Layer, clip: Clip) -> bool:
     return has_default_timing and project.takes[layer.take].skeleton.names == clip.skeleton.names
 
 
-def _expected_directions(
+def _compute_expected_directions(
     take: Clip, layer: Layer, starts: set[int], shape: RiggedCharacter, chain: tuple[int, ...], times: Float
 ) -> Float:
     """Returns (T, 3) directions that a chain of the shape should point in, in the shape's axes.

@@ -21,9 +21,9 @@ from enliven.arrays import Bool, Float, Int32
 from enliven.document import Clip, Project, RiggedCharacter
 from enliven.mapping.ground import (
     body_points,
+    compute_posed_surfaces,
     floor_height_under,
     leap_heights,
-    posed_surfaces,
     stands_on_floor,
 )
 from enliven.mapping.overlap import SelfIntersectionTest
@@ -173,7 +173,7 @@ class MotionQuality:
         return "; ".join([*phrases, f"at most {self.through:.1%} of the surface is inside another part"])
 
 
-def visible_edges(shape: RiggedCharacter) -> tuple[Int32, Float]:
+def find_visible_edges(shape: RiggedCharacter) -> tuple[Int32, Float]:
     """Returns the edges (E, 2) of a mesh with visible stretch, and their lengths (E,) in metres at rest.
 
     Very short edges, and edges that belong only to slivers or tiny parts, are excluded. The result is empty
@@ -217,10 +217,10 @@ def _is_visible(faces: Int32, vertices: Float) -> Bool:
 def stretch_over_time(project: Project, shape_id: str, duration: float) -> tuple[Int32, Float]:
     """Returns the edges (E, 2) of a shape, and their stretch (T, E) at T times within ``duration``
     seconds."""
-    edges, rest = visible_edges(project.shape(shape_id))
+    edges, rest = find_visible_edges(project.shape(shape_id))
     times = np.linspace(0.0, duration, _MEASURED_MOMENTS)
     return edges, np.array(
-        [_edge_lengths(surface, edges) / rest for surface in posed_surfaces(project, shape_id, times)]
+        [_edge_lengths(surface, edges) / rest for surface in compute_posed_surfaces(project, shape_id, times)]
     )
 
 
@@ -243,7 +243,7 @@ def measure_quality(
         return MotionQuality(1.0, 1.0, (), None, None, None, 0.0, (), limbs=limbs)
     times = np.linspace(0.0, duration, _MEASURED_MOMENTS)
     sunk, afloat, feet = None, None, ()
-    moments, body = list(posed_surfaces(project, shape_id, times)), body_points(shape)
+    moments, body = list(compute_posed_surfaces(project, shape_id, times)), body_points(shape)
     if stands_on_floor(shape):
         body_height = float(
             np.ptp(moments[0][:, 1]) if shape.mesh is None else np.ptp(shape.mesh.vertices[:, 1])
@@ -254,16 +254,17 @@ def measure_quality(
         is_standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, leap_heights(clip)) <= 0.0
         sunk, afloat = max(0.0, -float(heights.min())), max(0.0, float(heights[is_standing].max(initial=0.0)))
         worst_moment = int(np.argmax(np.where(is_standing, np.abs(heights), -heights)))
-        feet = _lowest_joints(shape, np.where(body[:, None], moments[worst_moment], np.inf), body_height)
+        feet = _find_lowest_joints(shape, np.where(body[:, None], moments[worst_moment], np.inf), body_height)
     through, parts = _self_intersection(shape, moments)
     is_travelling = (
-        shape.travel is not None and np.ptp(Player(project, shape_id).root(times)[:, [0, 2]], axis=0).any()
+        shape.travel is not None
+        and np.ptp(Player(project, shape_id).compute_root(times)[:, [0, 2]], axis=0).any()
     )
     is_walking = is_travelling and stands_on_floor(shape) and bool(find_anatomy(shape.skeleton).legs)
     return MotionQuality(
         float(np.percentile(stretch, 99)),
         float(stretch.max()),
-        _overstretched_joints(shape, edges, stretch),
+        _find_overstretched_joints(shape, edges, stretch),
         sunk,
         afloat,
         _slide_speed(project, shape, clip, times) if is_walking else None,
@@ -293,13 +294,13 @@ def _edge_lengths(vertices: Float, edges: Int32) -> Float:
     return np.asarray(np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1))
 
 
-def _overstretched_joints(shape: RiggedCharacter, edges: Int32, stretch: Float) -> tuple[str, ...]:
+def _find_overstretched_joints(shape: RiggedCharacter, edges: Int32, stretch: Float) -> tuple[str, ...]:
     """Returns the joints of the bones that move the most ends of overstretched edges."""
     overstretched_counts = np.repeat((stretch > MAX_STRETCH).sum(0), 2).astype(float)
     return _joints_that_move(shape, np.asarray(np.bincount(edges.ravel(), overstretched_counts), np.float64))
 
 
-def _lowest_joints(shape: RiggedCharacter, vertices: Float, body_height: float) -> tuple[str, ...]:
+def _find_lowest_joints(shape: RiggedCharacter, vertices: Float, body_height: float) -> tuple[str, ...]:
     """Returns the joints of the bones that move the lowest vertices of a shape, given its vertices (V, 3)."""
     lowest = float(vertices[:, 1].min())
     return _joints_that_move(shape, (vertices[:, 1] < lowest + _ON_FLOOR_HEIGHT * body_height).astype(float))
@@ -327,8 +328,8 @@ def _slide_speed(project: Project, shape: RiggedCharacter, clip: Clip, times: Fl
     feet."""
     body_height = 1.0 if shape.mesh is None else float(np.ptp(shape.mesh.vertices[:, 1]))
     floor, body, speeds = floor_height_under(shape), body_points(shape), []
-    earlier_surfaces = posed_surfaces(project, shape.id, times[:-1])
-    later_surfaces = posed_surfaces(project, shape.id, times[:-1] + _SLIDE_INTERVAL_S)
+    earlier_surfaces = compute_posed_surfaces(project, shape.id, times[:-1])
+    later_surfaces = compute_posed_surfaces(project, shape.id, times[:-1] + _SLIDE_INTERVAL_S)
     for earlier, later in (
         (earlier[body], later[body]) for earlier, later in zip(earlier_surfaces, later_surfaces, strict=True)
     ):

@@ -1,7 +1,7 @@
 """Rest poses of a take. The take's rotations are relative to a rest pose.
 
 mean_pose(clip)            # (N, 4) the mean pose of the take, with the heading of its beginning
-hanging_pose(clip, limbs)  # (N, 4) the mean of the frames in which the limbs hang most
+compute_hanging_pose(clip, limbs)  # (N, 4) the mean of the frames in which the limbs hang most
 rebase(clip, since)       # the take relative to another rest pose
 """
 
@@ -41,7 +41,7 @@ def mean_turn(turns: Float) -> Float:
     return np.asarray(mean if mean[0] >= 0 else -mean)
 
 
-def first_heading(clip: Clip) -> Float:
+def compute_first_heading(clip: Clip) -> Float:
     """Returns the performer's initial heading, a rotation (4,) about +Y: the mean over the first second."""
     frames = max(round(_STRIDE_S / clip.step), 1)
     return heading_from_rotation(mean_turn(heading_from_rotation(clip.turns[: frames + 1, 0])))
@@ -57,7 +57,7 @@ def mean_pose(clip: Clip) -> Float:
     return _mean_pose(clip, np.ones(len(clip.turns), bool))
 
 
-def hanging_pose(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
+def compute_hanging_pose(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
     """Returns the world rotations (N, 4) of a pose with hanging arms and legs, from the frames of a take.
 
     If a performer waves all the time, the arms of the mean pose are raised. So this is the mean over the
@@ -73,7 +73,7 @@ def hanging_pose(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
     return _mean_pose(clip, height <= np.quantile(height, _HANGING_FRACTION))
 
 
-def standing_turns(clip: Clip, foot: Sequence[int]) -> Float:
+def compute_standing_turns(clip: Clip, foot: Sequence[int]) -> Float:
     """Returns the mean world rotations (K, 4) of a foot's bones over the frames in which it stands flat.
 
     In the hanging pose the feet point down, so their rotations come from these frames. A foot stands in
@@ -93,7 +93,7 @@ def standing_turns(clip: Clip, foot: Sequence[int]) -> Float:
     is_standing = is_low & (speed <= np.quantile(speed[is_low], 0.5))
     heading_change = conjugate(heading_from_rotation(clip.turns[is_standing, 0]))
     turns = [mean_turn(multiply(heading_change, clip.turns[is_standing, j])) for j in foot[1:]]
-    return np.asarray(multiply(first_heading(clip), np.array(turns)))
+    return np.asarray(multiply(compute_first_heading(clip), np.array(turns)))
 
 
 def _mean_pose(clip: Clip, frames: Bool) -> Float:
@@ -105,7 +105,9 @@ def _mean_pose(clip: Clip, frames: Bool) -> Float:
     parents, turns = clip.skeleton.parents, clip.turns[frames]
     heading = heading_from_rotation(turns[:, 0])
     rest_rotations = np.empty((len(parents), 4))
-    rest_rotations[0] = multiply(first_heading(clip), mean_turn(multiply(conjugate(heading), turns[:, 0])))
+    rest_rotations[0] = multiply(
+        compute_first_heading(clip), mean_turn(multiply(conjugate(heading), turns[:, 0]))
+    )
     for j in range(1, len(parents)):
         local = multiply(conjugate(turns[:, parents[j]]), turns[:, j])
         rest_rotations[j] = multiply(rest_rotations[parents[j]], mean_turn(local))

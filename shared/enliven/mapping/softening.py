@@ -47,7 +47,7 @@ def soften_plan(plan: Plan, clip: Clip, shape: RiggedCharacter) -> Plan:
                 replace(plan, chains=plan_in_place.chains, stride=plan_in_place.stride),
                 stretch_percentile,
             )
-        edge_counts = _overstretched_edges(
+        edge_counts = _find_overstretched_edges(
             plan_in_place, shape, edges, stretch > _TARGET_STRETCH * MAX_STRETCH
         )
         edge_counts = {
@@ -90,7 +90,7 @@ def _limb_weight(plan: Plan, role: str) -> float:
     return min(chain.weight for chain in plan.chains if limb_name(chain) == role)
 
 
-def _overstretched_edges(
+def _find_overstretched_edges(
     plan: Plan, shape: RiggedCharacter, edges: Int32, is_overstretched: Bool
 ) -> dict[str, float]:
     """Returns the number of overstretched edges at the bones of each limb. ``is_overstretched`` (T, E) marks

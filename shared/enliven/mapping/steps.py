@@ -27,9 +27,9 @@ from enliven.mapping.gait import (
     STRIDE_S,
     LegStep,
     PerformerGait,
+    choose_standing_on_feet,
     find_stepping_legs,
     leg_length,
-    standing_on_feet,
     step_scale,
 )
 from enliven.mapping.ground import floor_height_under, follow_path, sample_times
@@ -38,13 +38,13 @@ from enliven.mapping.planting import (
     PosedLeg,
     Sole,
     Spans,
+    compute_remaining_offsets,
     contact_clearance,
+    find_standing_spans,
     hip_shift,
     hold_heading,
     plant_body,
-    remaining_offsets,
     remove_spin,
-    standing_spans,
 )
 from enliven.mapping.resting import heading_from_rotation
 from enliven.motion.contact.pin import find_bend, pin_limb
@@ -193,7 +193,7 @@ def _plant_feet(
     joints += (corrected_root - root)[:, None]
     targets = [joints[:, step.leg[-1]] + offset for step, offset in zip(steps, offsets, strict=True)]
     drops = [
-        _required_lowering(shape.skeleton, step, target, joints)
+        _compute_required_lowering(shape.skeleton, step, target, joints)
         for step, target in zip(steps, targets, strict=True)
     ]
     # Lower the body for feet that would not reach the floor. Swinging feet keep their positions.
@@ -236,7 +236,7 @@ def _turn_pelvis(
     for path in bones:
         for j in path[1:]:
             turns[:, j] = multiply(turning, turns[:, j])
-    for j in sorted(j for path in bones for j in skeleton.below(path[1])):
+    for j in sorted(j for path in bones for j in skeleton.list_subtree(path[1])):
         joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
     return True
 
@@ -283,7 +283,7 @@ def _correct_soles(
                 )
                 _turn_about_vertical(skeleton, step.leg[-1], excess, turns, joints)
         bent_legs = _update_rolling(legs, soles, turns, joints)
-        offsets = remaining_offsets(bent_legs, np.zeros_like(joints[:, 0]), performer.step, floor)
+        offsets = compute_remaining_offsets(bent_legs, np.zeros_like(joints[:, 0]), performer.step, floor)
         if all(np.abs(d).max() < _MIN_CORRECTION * leg.length for d, leg in zip(offsets, legs, strict=True)):
             break
         for step, offset in zip(steps, offsets, strict=True):
@@ -293,7 +293,7 @@ def _correct_soles(
 def _foot_part(shape: RiggedCharacter, step: LegStep) -> Sole:
     """Returns the part of a leg that may touch the floor: its foot, or the end of its shin if it has no
     foot."""
-    return Sole(shape, shape.skeleton.below(step.leg[-1])[1:] or [step.leg[-1]])
+    return Sole(shape, shape.skeleton.list_subtree(step.leg[-1])[1:] or [step.leg[-1]])
 
 
 def _leg_in_pose(
@@ -312,14 +312,14 @@ def _leg_in_pose(
         + performer.root_height[:, None]
     )
     clearance = performer.scale * contact_clearance(heights, spans)
-    return PosedLeg(*sole.rolling(turns, joints), clearance, leg_length(skeleton, step.leg), spans)
+    return PosedLeg(*sole.compute_rolling(turns, joints), clearance, leg_length(skeleton, step.leg), spans)
 
 
 def _update_rolling(
     legs: Sequence[PosedLeg], soles: Sequence[Sole], turns: Float, joints: Float
 ) -> list[PosedLeg]:
     """Returns the legs with the current motion of their soles, given the current ``turns`` and ``joints``."""
-    motions = [sole.rolling(turns, joints) for sole in soles]
+    motions = [sole.compute_rolling(turns, joints) for sole in soles]
     return [
         replace(leg, rolled=rolled, sole=lowest) for leg, (rolled, lowest) in zip(legs, motions, strict=True)
     ]
@@ -331,15 +331,15 @@ def _contact_spans(skeleton: Skeleton, step: LegStep, performer: PerformerGait, 
     ball, *tip = step.source_toes or step.source.chain[-1:]
     joints = [step.source_leg[-1], ball, *tip] if step.toes else [ball]
     foot = root[:, None] + performer.scale * performer.offsets[:, joints]
-    return standing_spans(foot, root, performer.step, leg_length(skeleton, step.leg))
+    return find_standing_spans(foot, root, performer.step, leg_length(skeleton, step.leg))
 
 
-def _performed_contacts(step: LegStep, performer: PerformerGait, root: Float) -> Spans:
+def _find_performed_contacts(step: LegStep, performer: PerformerGait, root: Float) -> Spans:
     """Returns the contacts of the performer's foot for a leg that steps, given the path ``root`` (T, 3) of
     the body in metres."""
     foot = root[:, None] + performer.scale * performer.offsets[:, [step.source_leg[-1], *step.source_toes]]
     length = performer.scale * leg_length(performer.skeleton, step.source_leg)
-    return standing_spans(foot, root, performer.step, length)
+    return find_standing_spans(foot, root, performer.step, length)
 
 
 def _smooth_toes(skeleton: Skeleton, step: LegStep, step_s: float, turns: Float, joints: Float) -> None:
@@ -353,7 +353,7 @@ def _smooth_toes(skeleton: Skeleton, step: LegStep, step_s: float, turns: Float,
     """
     ankle, width = step.leg[-1], 2 * round(0.5 * _TOE_SMOOTH_S / step_s) + 1
     foot = turns.copy()
-    for j in skeleton.below(ankle)[1:]:
+    for j in skeleton.list_subtree(ankle)[1:]:
         parent = int(skeleton.parents[j])
         if parent != ankle:
             bend = remove_sign_jumps(multiply(conjugate(foot[:, parent]), foot[:, j])[:, None])[:, 0]
@@ -393,7 +393,7 @@ def _turn_foot(skeleton: Skeleton, ankle: int, turning: Float, turns: Float, joi
 
     Changes ``turns`` and ``joints`` in place.
     """
-    for j in skeleton.below(ankle)[1:]:
+    for j in skeleton.list_subtree(ankle)[1:]:
         turns[:, j] = multiply(turning, turns[:, j])
         joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
 
@@ -420,7 +420,7 @@ def _tilt_foot(
     sign = np.where(rotate(turns[:, step.toes[0]], forward)[:, 1] < forward[1], 1.0, -1.0)
     candidates, angles = np.linspace(0.0, _MAX_TILT, _TILT_ANGLES), np.zeros(len(turns))
     turnings = [from_rotation_vector((angle * sign * axes.T).T[frames]) for angle in candidates]
-    lift_by_angle = sole.lowest_turned(turns[frames], joints[frames], turnings, ankle)
+    lift_by_angle = sole.compute_turned_heights(turns[frames], joints[frames], turnings, ankle)
     lift_by_angle -= lift_by_angle[0].copy()
     # Choose the smallest tilt that gives the required lift. If there is none, choose the tilt with the
     # largest lift.
@@ -440,18 +440,18 @@ def _end_targets(
     """
     skeleton, ankle, foot = shape.skeleton, step.leg[-1], performer.find_foot_joint(step.source)
     heading, scale = heading_from_rotation(turns[:, 0]), performer.scale
-    foot_mean = performer.neutral_foot_position(foot, heading)
+    foot_mean = performer.compute_neutral_foot_position(foot, heading)
     rest = skeleton.positions[ankle] - skeleton.positions[0]
     angles = _smooth_headings(heading, round(STRIDE_S / performer.step))
     if shape.travel is not None:
-        angles = hold_heading(angles, _performed_contacts(step, performer, joints[:, 0]), performer.step)
+        angles = hold_heading(angles, _find_performed_contacts(step, performer, joints[:, 0]), performer.step)
     foot_heading = from_rotation_vector(angles[:, None] * [0.0, 1.0, 0.0])
     return np.asarray(
         joints[:, 0] + scale * performer.offsets[:, foot] + rotate(foot_heading, rest - scale * foot_mean)
     )
 
 
-def _required_lowering(skeleton: Skeleton, step: LegStep, targets: Float, joints: Float) -> Float:
+def _compute_required_lowering(skeleton: Skeleton, step: LegStep, targets: Float, joints: Float) -> Float:
     """Returns how far (T,), metres, the body must be lowered for a leg to reach its targets (T, 3)."""
     chain = step.leg
     hip, full_length = joints[:, chain[0]], leg_length(skeleton, chain)
@@ -472,7 +472,7 @@ def _bend_leg(
     chain, heading = step.leg, heading_from_rotation(turns[:, 0])
     weights = np.ones(len(turns)) if step.arm is None else performer.walking_weights(step.arm)
     bones = {bone for path in _rotation_chains(skeleton, step) for bone in path[1:]}
-    for j in sorted(bones.union(skeleton.below(chain[-1])[1:])):
+    for j in sorted(bones.union(skeleton.list_subtree(chain[-1])[1:])):
         if j in bones and not step.posed:
             turns[:, j] = slerp(turns[:, j], heading, weights)
         joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
@@ -519,12 +519,12 @@ def _lift_forelegs(
     forelegs = [step for step in steps if step.arm is not None]
     if not (supports and forelegs):
         return
-    lowest = np.min([sole.lowest(turns, joints) for sole in supports], axis=0)
+    lowest = np.min([sole.compute_lowest_height(turns, joints) for sole in supports], axis=0)
     floor = _floor_under_feet(shape, clip, performer, times, joints, lowest)
     for step in forelegs:
-        foreleg = Sole(shape, shape.skeleton.below(step.leg[0])[1:])
+        foreleg = Sole(shape, shape.skeleton.list_subtree(step.leg[0])[1:])
         for _ in range(_MAX_LIFT_PASSES):
-            lift = np.maximum(floor - foreleg.lowest(turns, joints), 0.0)
+            lift = np.maximum(floor - foreleg.compute_lowest_height(turns, joints), 0.0)
             if not lift.any():
                 break
             targets = joints[:, step.leg[-1]] + lift[:, None] * [0.0, 1.0, 0.0]
@@ -545,7 +545,7 @@ def _floor_under_feet(
         joints: (T, N, 3) metres.
         lowest: (T,) metres, the lowest point of the feet that no arm drives.
     """
-    standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, standing_on_feet(clip))
+    standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, choose_standing_on_feet(clip))
     floor = performer.compute_floor_height(shape, joints[:, 0, 1])
     floor += np.median((lowest - floor)[standing >= min(0.5, standing.max())])
     return standing * lowest + (1.0 - standing) * np.minimum(lowest, floor)

@@ -31,13 +31,13 @@ from enliven.matching.reduction import Reduction
 from enliven.matching.subtrees import Abstraction, SubTree
 
 
-def abstract_skeleton(skeleton: Skeleton, root: int | None = 0) -> Abstraction:
+def make_abstract_skeleton(skeleton: Skeleton, root: int | None = 0) -> Abstraction:
     """Returns the hierarchy of a skeleton. If ``root`` is None, the iterations determine the root."""
     links = [(int(parent), joint) for joint, parent in enumerate(skeleton.parents) if parent >= 0]
-    return _reduced_positions(skeleton.positions, _neighbour_lists(len(skeleton), links), root)
+    return _reduce_positions(skeleton.positions, _neighbour_lists(len(skeleton), links), root)
 
 
-def abstract_joint_tree(
+def make_abstract_joint_tree(
     positions: Float | Sequence[Sequence[float]],
     links: Iterable[tuple[int, int]],
     root: int | None = None,
@@ -65,7 +65,7 @@ def abstract_joint_tree(
     skeleton_from_links(
         names or [f"joint {j}" for j in range(len(joint_positions))], pairs, joint_positions, root
     )
-    return _reduced_positions(joint_positions, _neighbour_lists(len(joint_positions), pairs), root)
+    return _reduce_positions(joint_positions, _neighbour_lists(len(joint_positions), pairs), root)
 
 
 def _neighbour_lists(count: int, links: Iterable[tuple[int, int]]) -> list[list[int]]:
@@ -76,7 +76,7 @@ def _neighbour_lists(count: int, links: Iterable[tuple[int, int]]) -> list[list[
     return neighbours
 
 
-def _reduced_positions(positions: Float, neighbours: list[list[int]], root: int | None) -> Abstraction:
+def _reduce_positions(positions: Float, neighbours: list[list[int]], root: int | None) -> Abstraction:
     """Runs the iterations for joints at ``positions`` (N, 3) with the given neighbours."""
     tree = Reduction(positions, [list(joints) for joints in neighbours], root)
     candidates: list[SubTree] = []
@@ -94,7 +94,7 @@ def _reduced_positions(positions: Float, neighbours: list[list[int]], root: int 
             leaves.append(branch_node)
         for branch_node in leaves:
             tree.collapse_to_leaf(branch_node)
-    central_joint = tree.nearest_to_centre_of_mass(neighbours, leaves[0] if leaves else 0)
+    central_joint = tree.find_nearest_to_centre_of_mass(neighbours, leaves[0] if leaves else 0)
     if not candidates and len(neighbours) > 1:
-        return _reduced_positions(positions, neighbours, central_joint)
+        return _reduce_positions(positions, neighbours, central_joint)
     return Abstraction(central_joint, tuple(candidates))

@@ -29,7 +29,7 @@ class LimbShapes:
             weighted[parent] += weighted[joint]
         self.middle = weighted / np.maximum(self.length, 1e-300)[:, None]
 
-    def similar_limbs(self, tolerance: float, shortest: float) -> Iterable[tuple[int, list[int]]]:
+    def find_similar_limbs(self, tolerance: float, shortest: float) -> Iterable[tuple[int, list[int]]]:
         """Yields each joint with several child limbs that may be equal. These limbs have the same number of
         joints, and similar lengths and distances of their centres from the joint.
 

@@ -99,22 +99,22 @@ class Picker:
         """
         self._time, self._ranking = seconds, ranking
         if self._accepted is not None:
-            return Pick(self._accepted, self._shown_rank(), accepted=True)
+            return Pick(self._accepted, self._find_shown_rank(), accepted=True)
         if not len(ranking):
             self._shown = None
             return Pick(None, -1)
         previously_shown = self._shown
         self._follow_best(ranking, seconds)
-        progress = self._held_fraction(points, seconds, previously_shown == self._shown)
+        progress = self._compute_held_fraction(points, seconds, previously_shown == self._shown)
         if self.settings.by_holding and progress >= 1.0:
             self.accept()
-        return self.now(progress)
+        return self.choose_current(progress)
 
-    def now(self, held: float = 0.0) -> Pick:
+    def choose_current(self, held: float = 0.0) -> Pick:
         """Returns the current match to show. May be called between frames, for example after a key press."""
         if self._accepted is not None:
-            return Pick(self._accepted, self._shown_rank(), accepted=True)
-        place = self._shown_rank()
+            return Pick(self._accepted, self._find_shown_rank(), accepted=True)
+        place = self._find_shown_rank()
         if self._ranking is None or place < 0:
             return Pick(None, -1)
         return Pick(self._ranking[place], place, held if self.settings.by_holding else 0.0)
@@ -130,14 +130,14 @@ class Picker:
             index = self._browsing_order.index(self._shown) if self._shown in self._browsing_order else -step
             self._shown = self._browsing_order[(index + step) % len(self._browsing_order)]
             self._browsed_at, self._beaten_since, self._still_since = self._time, None, None
-        return self.now()
+        return self.choose_current()
 
     def accept(self) -> Match | None:
         """Accepts the shown match, and returns the accepted match, or None if none was shown."""
-        self._accepted = self._accepted or self.now().match
+        self._accepted = self._accepted or self.choose_current().match
         return self._accepted
 
-    def _shown_rank(self) -> int:
+    def _find_shown_rank(self) -> int:
         if self._ranking is None or self._shown is None:
             return -1
         return self._ranking.find(self._shown)
@@ -145,7 +145,7 @@ class Picker:
     def _follow_best(self, ranking: Ranking, seconds: float) -> None:
         """Replaces the shown match by the best match if it has been better by the margin for the required
         time."""
-        settings, place = self.settings, self._shown_rank()
+        settings, place = self.settings, self._find_shown_rank()
         if self._browsed_at is not None and place >= 0:
             if seconds - self._browsed_at < settings.browsing:
                 return
@@ -159,7 +159,7 @@ class Picker:
         if place < 0 or seconds - self._beaten_since >= settings.patience:
             self._shown, self._beaten_since, self._browsed_at = ranking.identity(0), None, None
 
-    def _held_fraction(self, points: Float, seconds: float, is_same_match: bool) -> float:
+    def _compute_held_fraction(self, points: Float, seconds: float, is_same_match: bool) -> float:
         """Returns the elapsed fraction of the time to hold the pose."""
         pose = points - points[0]
         size = float(np.linalg.norm(pose, axis=1).max())

@@ -12,7 +12,7 @@ import scipy
 
 from enliven.arrays import Float, Int
 from enliven.document import Skeleton
-from enliven.matching.abstraction import abstract_skeleton
+from enliven.matching.abstraction import make_abstract_skeleton
 from enliven.matching.kernels import rank_rows, seen_branches
 from enliven.matching.matches import Ranking
 from enliven.matching.subtrees import Abstraction, SubTree
@@ -71,7 +71,7 @@ class Matcher:
     Args:
         target: a skeleton, or an abstraction of any tree.
         positions: (N, 3) metres, the joints at rest. Required only if the target is an abstraction.
-        root: the root joint for :func:`abstract_skeleton`. If None, the abstraction determines the root.
+        root: the root joint for :func:`make_abstract_skeleton`. If None, the abstraction determines the root.
     """
 
     def __init__(
@@ -82,15 +82,15 @@ class Matcher:
         settings: RankingSettings | None = None,
     ) -> None:
         self.settings = settings or RankingSettings()
-        self.abstraction = abstract_skeleton(target, root) if isinstance(target, Skeleton) else target
-        at = target.positions if isinstance(target, Skeleton) else positions
-        if at is None:
+        self.abstraction = make_abstract_skeleton(target, root) if isinstance(target, Skeleton) else target
+        joint_positions = target.positions if isinstance(target, Skeleton) else positions
+        if joint_positions is None:
             raise ValueError("a Matcher for an Abstraction needs the positions of its joints: pass positions")
         trees = self.abstraction.candidates
         self._sizes = tuple(len(tree.branches) for tree in trees)
         self._first = np.concatenate([[0], np.cumsum(self._sizes)]).astype(np.int64)
-        self._average = _averaging_weights(trees, len(at))
-        self._rest = self._candidate_points(np.asarray(at, np.float64))
+        self._average = _compute_averaging_weights(trees, len(joint_positions))
+        self._rest = self._candidate_points(np.asarray(joint_positions, np.float64))
 
     def rank(
         self,
@@ -114,20 +114,20 @@ class Matcher:
         )
         source_points = np.ascontiguousarray(source, np.float64)
         source_first = np.array([0, len(source_points) - 1])
-        plan = _matching_plan(self._sizes, len(source_points) - 1, settings.exhaustive, settings.most)
+        plan = _make_matching_plan(self._sizes, len(source_points) - 1, settings.exhaustive, settings.most)
         candidate_indices, columns, scores = rank_rows(
-            self._seen_branches(points, self._first, view),
+            self._find_seen_branches(points, self._first, view),
             self._first,
-            self._seen_branches(source_points, source_first, source_view or view),
+            self._find_seen_branches(source_points, source_first, source_view or view),
             plan.first,
             plan.is_complete,
             _MISSING_BRANCH_SCORE,
         )
-        order = _best_indices(scores, settings.most, settings.tie)
+        order = _find_best_indices(scores, settings.most, settings.tie)
         trees = self.abstraction.candidates
         return Ranking(trees, candidate_indices[order], columns[order], scores[order], plan.total)
 
-    def _seen_branches(self, points: Float, first: Int, view: ScreenView) -> Float:
+    def _find_seen_branches(self, points: Float, first: Int, view: ScreenView) -> Float:
         """Returns the normalized branches (B, 2) on the screen."""
         eye = _ORIGIN if view.eye is None else view.eye
         dots = self.settings.measure == "dot"
@@ -159,19 +159,19 @@ class _Plan:
 
 
 @lru_cache(maxsize=64)
-def _matching_plan(sizes: tuple[int, ...], m: int, exhaustive: int, max_count: int) -> _Plan:
+def _make_matching_plan(sizes: tuple[int, ...], m: int, exhaustive: int, max_count: int) -> _Plan:
     rows, are_complete, total = [0], [], 0
     for n in sizes:
-        few, many = min(m, n), max(m, n)
-        choices = comb(many, few)
-        is_complete = sum(comb(many, k) for k in range(few + 1)) <= exhaustive
+        smaller, larger = min(m, n), max(m, n)
+        choices = comb(larger, smaller)
+        is_complete = sum(comb(larger, k) for k in range(smaller + 1)) <= exhaustive
         rows.append(choices if is_complete else min(choices, max_count))
         are_complete.append(is_complete)
         total += choices
     return _Plan(np.cumsum(rows), np.array(are_complete, np.int64), total)
 
 
-def _averaging_weights(trees: tuple[SubTree, ...], joints: int) -> scipy.sparse.csr_matrix:
+def _compute_averaging_weights(trees: tuple[SubTree, ...], joints: int) -> scipy.sparse.csr_matrix:
     """Returns the weights (C + B, N) of the roots and of the branches' abstract positions."""
     weights = [{tree.root: 1.0} for tree in trees]
     weights += [branch.weights for tree in trees for branch in tree.branches]
@@ -181,7 +181,7 @@ def _averaging_weights(trees: tuple[SubTree, ...], joints: int) -> scipy.sparse.
     return scipy.sparse.csr_matrix((values, columns, starts), shape=(len(weights), joints))
 
 
-def _best_indices(scores: Float, max_count: int, tie: float) -> Int:
+def _find_best_indices(scores: Float, max_count: int, tie: float) -> Int:
     """Returns the indices of the ``max_count`` highest scores, the highest first. Scores that differ by less
     than ``tie`` keep their order."""
     rounded = np.round(scores / tie) if tie > 0.0 else scores

@@ -56,14 +56,14 @@ class Reduction:
             first, second = self.neighbours[node]
             chain, node = [*chain, node], second if first == chain[-1] else first
         self.neighbours[node].remove(chain[-1])
-        self._done[node].append(self._weighted_branch((node, *reversed(chain)), self._leaf[leaf]))
+        self._done[node].append(self._weight_branch((node, *reversed(chain)), self._leaf[leaf]))
         return node
 
-    def _weighted_branch(self, chain: tuple[int, ...], leaf: _Leaf) -> Branch:
+    def _weight_branch(self, chain: tuple[int, ...], leaf: _Leaf) -> Branch:
         positions = self._positions[list(chain)]
         lengths = np.linalg.norm(np.diff(positions, axis=0), axis=1)
         removed = dict(zip(chain[1:-1], lengths[1:], strict=True))
-        weights = _normalized_weights(removed) if removed else leaf.weights
+        weights = _normalize_weights(removed) if removed else leaf.weights
         total_length = float(lengths.sum())
         return Branch(
             chain, (*chain[:-1], *leaf.tail), weights, leaf.length + total_length, leaf.reach + total_length
@@ -80,7 +80,7 @@ class Reduction:
     def collapse_to_leaf(self, node: int) -> None:
         """Turns the sub-tree at a branch node into a leaf (step 4)."""
         branches = self.branches(node)
-        shares = _normalized_weights({i: branch.length for i, branch in enumerate(branches)})
+        shares = _normalize_weights({i: branch.length for i, branch in enumerate(branches)})
         weights: Weights = {}
         for i, share in shares.items():
             for joint, weight in branches[i].weights.items():
@@ -90,7 +90,7 @@ class Reduction:
         self._leaf[node] = _Leaf(weights, length, longest.extended, longest.reach)
         self.branch_nodes.discard(node)
 
-    def nearest_to_centre_of_mass(self, all_neighbours: list[list[int]], start: int) -> int:
+    def find_nearest_to_centre_of_mass(self, all_neighbours: list[list[int]], start: int) -> int:
         """Returns the node of the remaining chain that is nearest to the centre of mass of all bones."""
         chain, previous = [start], -1
         while next_nodes := [j for j in self.neighbours[chain[-1]] if j != previous]:
@@ -116,7 +116,7 @@ def centre_of_mass(positions: Float, neighbours: Sequence[Sequence[int]]) -> Flo
     return np.asarray(lengths @ middles / lengths.sum())
 
 
-def _normalized_weights(weights: Weights) -> Weights:
+def _normalize_weights(weights: Weights) -> Weights:
     """Scales the weights so that their sum is one. If all are zero, they become equal."""
     total = float(sum(weights.values()))
     if total <= 0.0:

@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
-from enliven.matching.abstraction import abstract_joint_tree
+from enliven.matching.abstraction import make_abstract_joint_tree
 from enliven.matching.subtrees import Branch
 
 
@@ -65,18 +65,16 @@ def match_source_from_joints(
         raise InputError(problem, where="source", remedy="Choose one of the selected joints as the root.")
     pairs = [(number[a], number[b]) for a, b in links if a in number and b in number]
     names = [f"joint {joint}" for joint in used_joints]
-    abstraction = abstract_joint_tree(
+    abstraction = make_abstract_joint_tree(
         joint_positions[used_joints], pairs, None if root is None else number[root], names
     )
     if root is None:
-        abstraction = abstract_joint_tree(joint_positions[used_joints], pairs, abstraction.root, names)
+        abstraction = make_abstract_joint_tree(joint_positions[used_joints], pairs, abstraction.root, names)
     if not abstraction.candidates:
         raise InputError(
             "the selected joints form no bone", where="source", remedy="Choose two or more joints."
         )
-    branches = tuple(
-        _renumbered_branch(branch, used_joints) for branch in abstraction.candidates[-1].branches
-    )
+    branches = tuple(_renumber_branch(branch, used_joints) for branch in abstraction.candidates[-1].branches)
     weights = np.zeros((len(branches), len(joint_positions)))
     for row, branch in zip(weights, branches, strict=True):
         row[list(branch.weights)] = list(branch.weights.values())
@@ -89,7 +87,7 @@ def source_of_skeleton(skeleton: Skeleton, root: int | None = 0, joints: Iterabl
     return match_source_from_joints(skeleton.positions, links, root, joints)
 
 
-def _renumbered_branch(branch: Branch, joints: Sequence[int]) -> Branch:
+def _renumber_branch(branch: Branch, joints: Sequence[int]) -> Branch:
     """Returns the branch with the joint numbers of the whole skeleton."""
     return Branch(
         tuple(joints[j] for j in branch.chain),

@@ -83,7 +83,7 @@ class EqualLimbs:
         """Returns the number of the limb that a joint belongs to, or -1."""
         return next((i for i, limb in enumerate(self.limbs) if joint in limb.joints), -1)
 
-    def between(self, start: int, end: int) -> Float:
+    def get_map(self, start: int, end: int) -> Float:
         """Returns the map (3, 3) from limb ``start`` to limb ``end``."""
         return np.asarray(self.limbs[end].linear @ self.limbs[start].linear.T)
 
@@ -93,7 +93,7 @@ class EqualLimbs:
         return {self.joint: self.joint, **dict(pairs)}
 
 
-def equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) -> tuple[EqualLimbs, ...]:
+def find_equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) -> tuple[EqualLimbs, ...]:
     """Returns all groups of equal limbs, the largest groups first. Pairs about the body's main plane of
     symmetry come before other pairs.
 
@@ -103,7 +103,7 @@ def equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) ->
     """
     settings = settings or SymmetrySettings()
     body = LimbShapes(skeleton)
-    similar = list(body.similar_limbs(settings.tolerance, _MIN_LIMB_FRACTION))
+    similar = list(body.find_similar_limbs(settings.tolerance, _MIN_LIMB_FRACTION))
     rotated = [
         group
         for joint, similar_children in similar
@@ -112,7 +112,7 @@ def equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) ->
     mirrored = [
         group
         for joint, similar_children in similar
-        for group in _mirrored_pairs(body, joint, similar_children, settings)
+        for group in _find_mirrored_pairs(body, joint, similar_children, settings)
     ]
     paired = {frozenset(limb.joints[0] for limb in group.limbs) for group in mirrored}
     rotated = [
@@ -192,7 +192,7 @@ def _angle_about(start: Float, end: Float, axis: Float) -> float:
     return float(np.arctan2(np.cross(a, b) @ axis, a @ b) % (2 * np.pi))
 
 
-def _mirrored_pairs(
+def _find_mirrored_pairs(
     body: LimbShapes, joint: int, similar: list[int], settings: SymmetrySettings
 ) -> list[EqualLimbs]:
     """Returns all pairs that are equal under reflection in a plane through the joint."""
@@ -207,7 +207,7 @@ def _mirrored_pairs(
         matched = body.match(joint, a, b, linear, settings.tolerance)
         if matched is not None:
             limbs = (
-                EqualLimb(tuple(own for own, _ in matched.pairs), np.eye(3), 0.0),
+                EqualLimb(tuple(first for first, _ in matched.pairs), np.eye(3), 0.0),
                 EqualLimb(tuple(other for _, other in matched.pairs), linear, matched.error),
             )
             groups.append(EqualLimbs("mirror", joint, normal, limbs))

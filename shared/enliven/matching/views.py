@@ -95,13 +95,15 @@ def is_end_on(vectors: Float, view: ScreenView, fraction: float = 0.2) -> Bool:
     return np.asarray((projected < fraction * lengths) & (lengths > 0.0))
 
 
-def projected_length(vectors: Float, direction: Float) -> float:
+def compute_projected_length(vectors: Float, direction: Float) -> float:
     """Returns the sum of the lengths of ``vectors`` (N, 3) after projection along a unit direction."""
     along = vectors @ direction
     return float(np.sqrt(np.maximum((vectors**2).sum(1) - along**2, 0.0)).sum())
 
 
-def best_view(vectors: Float, view: ScreenView, most_turn: float = np.pi / 2, steps: int = 60) -> ScreenView:
+def find_best_view(
+    vectors: Float, view: ScreenView, most_turn: float = np.pi / 2, steps: int = 60
+) -> ScreenView:
     """Finds the view that shows most bone length: the largest sum of projections (AniMesh, section 8).
 
     The sum of *squared* lengths is largest along the eigenvector of the smallest eigenvalue of the scatter
@@ -124,44 +126,46 @@ def best_view(vectors: Float, view: ScreenView, most_turn: float = np.pi / 2, st
     if not len(vectors):
         return view
     starts = [view.direction, *np.linalg.eigh(vectors.T @ vectors)[1].T]
-    directions = [_refined_direction(vectors, start, view.direction, most_turn, steps) for start in starts]
-    best = max(directions, key=lambda d: round(projected_length(vectors, d), 9))
+    directions = [_refine_direction(vectors, start, view.direction, most_turn, steps) for start in starts]
+    best = max(directions, key=lambda d: round(compute_projected_length(vectors, d), 9))
     return _view_along(best, view)
 
 
-def _refined_direction(vectors: Float, start: Float, current: Float, most_turn: float, steps: int) -> Float:
+def _refine_direction(vectors: Float, start: Float, current: Float, most_turn: float, steps: int) -> Float:
     """Refines a unit direction, at most ``most_turn`` from ``current``, until no step shows more bone
     length."""
     squares = (vectors**2).sum(1)
-    direction = _limited_direction(start, current, most_turn)
-    sum_of_lengths = projected_length(vectors, direction)
+    direction = _limit_direction(start, current, most_turn)
+    sum_of_lengths = compute_projected_length(vectors, direction)
     for _ in range(steps):
         projected = np.sqrt(np.maximum(squares - (vectors @ direction) ** 2, 1e-12 * squares))
         # sqrt is concave, so sum sqrt(x) <= sum sqrt(x0) + (x - x0) / (2 sqrt(x0)), with equality at x = x0.
         # Maximise this bound.
         scatter = vectors.T @ (vectors / projected[:, None])
-        next_direction = _limited_direction(np.linalg.eigh(scatter)[1][:, 0], direction, np.pi / 2)
-        best_direction, best_value = _best_between(vectors, direction, next_direction, current, most_turn)
+        next_direction = _limit_direction(np.linalg.eigh(scatter)[1][:, 0], direction, np.pi / 2)
+        best_direction, best_value = _find_best_between(
+            vectors, direction, next_direction, current, most_turn
+        )
         if best_value <= sum_of_lengths * (1.0 + 1e-12):
             break
         direction, sum_of_lengths = best_direction, best_value
     return direction
 
 
-def _best_between(
+def _find_best_between(
     vectors: Float, start: Float, end: Float, current: Float, most_turn: float
 ) -> tuple[Float, float]:
     """Tries four directions between two directions. Returns the best, and its sum of projected lengths."""
     candidates = [
-        _limited_direction(start + fraction * (end - start), current, most_turn)
+        _limit_direction(start + fraction * (end - start), current, most_turn)
         for fraction in (1.0, 0.5, 0.2, 0.05)
     ]
-    values = [projected_length(vectors, direction) for direction in candidates]
+    values = [compute_projected_length(vectors, direction) for direction in candidates]
     best = int(np.argmax(values))
     return candidates[best], values[best]
 
 
-def _limited_direction(direction: Float, current: Float, most_turn: float) -> Float:
+def _limit_direction(direction: Float, current: Float, most_turn: float) -> Float:
     """Returns the unit direction, or its opposite, limited to the angle ``most_turn`` from the current
     one."""
     direction = direction / np.linalg.norm(direction)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from enliven.errors import InputError, plain_reason
+from enliven.errors import InputError, find_plain_reason
 from enliven.files import ReferencedFiles, is_file, read_file, require_folder, write_file
 from enliven.meshes.gltf.gltf_json import GLTF_SUFFIXES
 from enliven.meshes.mesh import Axis, Mesh, guess_up, rotate_upright, weld
@@ -104,7 +104,9 @@ def _read_unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[st
     except Exception as error:  # Third-party readers may raise any exception for damaged data.
         # Show only messages that were written for users.
         reason = (
-            str(error) if isinstance(error, DamagedMeshError) else plain_reason(error, "the file is damaged")
+            str(error)
+            if isinstance(error, DamagedMeshError)
+            else find_plain_reason(error, "the file is damaged")
         )
         problem = f"the file cannot be read as {suffix[1:]}: {reason[:_MAX_REASON_LETTERS]}"
         raise InputError(

@@ -99,7 +99,7 @@ class MeshMaterials:
         tints = None if self.tints is None else self.tints[faces]
         return replace(self, of=self.of[faces], uvs=self.uvs[faces], tints=tints)
 
-    def turned(self, which: Bool) -> MeshMaterials:
+    def flip_faces(self, which: Bool) -> MeshMaterials:
         """Returns the materials for a mesh in which the faces of the mask ``which`` (F,) are flipped: their
         corners are in reverse order."""
         uvs = np.where(which[:, None, None, None], self.uvs[:, ::-1], self.uvs)
@@ -108,7 +108,7 @@ class MeshMaterials:
             tints = np.where(which[:, None, None], tints[:, ::-1], tints)
         return replace(self, uvs=uvs, tints=tints)
 
-    def within(self, faces: Int, barycentric: Float) -> MeshMaterials:
+    def interpolate_within(self, faces: Int, barycentric: Float) -> MeshMaterials:
         """Returns the materials of K new faces that lie within old faces.
 
         Args:
@@ -243,4 +243,4 @@ def materials_within(
         return None
     old_corners = np.repeat(old[faces] if len(old) else np.zeros((len(faces), 3, 3)), 3, 0)
     coordinates = barycentric(corners.reshape(-1, 3), old_corners)
-    return materials.within(faces, coordinates.reshape(-1, 3, 3))
+    return materials.interpolate_within(faces, coordinates.reshape(-1, 3, 3))

@@ -89,11 +89,11 @@ class Mesh:
         materials = None if self.materials is None else self.materials.select_faces(keep)
         return replace(self, faces=self.faces[keep], materials=materials)
 
-    def turned(self, which: Bool | None = None) -> Mesh:
+    def flip_faces(self, which: Bool | None = None) -> Mesh:
         """Returns the mesh with flipped faces: all faces, or only the faces in the mask ``which`` (F,)."""
         if which is None:
             which = np.ones(len(self.faces), bool)
-        materials = None if self.materials is None else self.materials.turned(which)
+        materials = None if self.materials is None else self.materials.flip_faces(which)
         faces = np.where(which[:, None], self.faces[:, ::-1], self.faces)
         return replace(self, faces=faces, materials=materials)
 

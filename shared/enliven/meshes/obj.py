@@ -47,7 +47,7 @@ class _Lines(NamedTuple):
     first: Int
     letters: AnyArray
 
-    def starting_with(self, letter: str, second: str = " ") -> Bool:
+    def mark_lines_starting_with(self, letter: str, second: str = " ") -> Bool:
         """Returns (L,) flags of lines that start with these letters.
 
         A blank as second letter means the end of the word.
@@ -171,12 +171,17 @@ def _read_faces(text: bytes) -> _Faces:
         block = part if part.endswith(b"\n") else part + b"\n"
         lines = _find_lines(block)
         kinds = np.stack(
-            [lines.starting_with("v"), lines.starting_with("v", "t"), lines.starting_with("v", "n")], 1
+            [
+                lines.mark_lines_starting_with("v"),
+                lines.mark_lines_starting_with("v", "t"),
+                lines.mark_lines_starting_with("v", "n"),
+            ],
+            1,
         )
         counts_before = counts + np.cumsum(kinds, 0) - kinds
         counts = counts + kinds.sum(0)
         faces.vertices_in_block.append(int(kinds[:, 0].sum()))
-        are_faces = lines.starting_with("f")
+        are_faces = lines.mark_lines_starting_with("f")
         materials = _materials_by_line(block, lines, faces)
         if not are_faces.any():
             continue
@@ -197,7 +202,9 @@ def _materials_by_line(block: bytes, lines: _Lines, faces: _Faces) -> Int:
     Adds names of materials and of material files to ``faces``.
     """
     changes, values = [0], [faces.current]
-    for k in np.flatnonzero(lines.starting_with("u", "s") | lines.starting_with("m", "t")):
+    for k in np.flatnonzero(
+        lines.mark_lines_starting_with("u", "s") | lines.mark_lines_starting_with("m", "t")
+    ):
         line = block[lines.first[k] : lines.starts[k] + lines.lengths[k]]
         word, _, rest = line.partition(b" " if b" " in line else b"\t")
         if word == b"usemtl":
@@ -265,7 +272,7 @@ def _read_vertices(text: bytes, is_used: Bool, in_block: list[int]) -> tuple[Flo
             continue
         complete = block if block.endswith(b"\n") else block + b"\n"
         lines = _find_lines(complete)
-        are = lines.starting_with("v")
+        are = lines.mark_lines_starting_with("v")
         are[are] = used
         chunk = _number_lines(complete, lines, are)
         offsets = offset + lines.starts[are]

@@ -120,7 +120,7 @@ def _read_head(data: bytes) -> tuple[str, list[_Element], bytes]:
     return kind, elements, data[end.end() :]
 
 
-def _early_end_error(element: _Element) -> DamagedMeshError:
+def _make_early_end_error(element: _Element) -> DamagedMeshError:
     return DamagedMeshError(
         f"the file ends early: the header declares {element.count} rows of {element.name!r}"
     )
@@ -137,10 +137,12 @@ def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, 
         if not element.has_lists:
             rows = numbers[offset : offset + element.count * width]
             if len(rows) < element.count * width:
-                raise _early_end_error(element)
+                raise _make_early_end_error(element)
             columns = rows.reshape(-1, width).T if width else rows.reshape(0, 0)
             properties = zip(element.properties, columns, strict=True)
-            tables[element.name] = {word: _typed_column(column, of) for (word, of, _), column in properties}
+            tables[element.name] = {
+                word: _read_typed_column(column, of) for (word, of, _), column in properties
+            }
             offset += element.count * width
             continue
         tables[element.name], offset = _walk_ascii(element, numbers, offset)
@@ -149,7 +151,7 @@ def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, 
     return tables
 
 
-def _typed_column(column: Float, of: str) -> AnyArray:
+def _read_typed_column(column: Float, of: str) -> AnyArray:
     """Returns the numbers (N,) of a column, converted to integers if its declared type ``of`` is an integer
     type."""
     return column if of[0] == "f" else np.rint(np.nan_to_num(column)).astype(np.int64)
@@ -173,17 +175,17 @@ def _walk_ascii(element: _Element, numbers: Float, at: int) -> tuple[dict[str, A
     for _ in range(element.count):
         for word, _, count in element.properties:
             if at >= len(numbers):
-                raise _early_end_error(element)
+                raise _make_early_end_error(element)
             list_length = 1
             if count:
                 list_length = _list_length(float(numbers[at]))
                 counts.setdefault(word, []).append(list_length)
                 at += 1
             if at + list_length > len(numbers):
-                raise _early_end_error(element)
+                raise _make_early_end_error(element)
             parts.setdefault(word, []).append(numbers[at : at + list_length])
             at += list_length
-    return _joined_columns(parts, counts), at
+    return _join_columns(parts, counts), at
 
 
 def _list_length(count: float) -> int:
@@ -197,7 +199,7 @@ def _list_length(count: float) -> int:
     return int(count)
 
 
-def _joined_columns(parts: dict[str, list[AnyArray]], counts: dict[str, list[int]]) -> dict[str, AnyArray]:
+def _join_columns(parts: dict[str, list[AnyArray]], counts: dict[str, list[int]]) -> dict[str, AnyArray]:
     columns = {word: np.concatenate(rows) for word, rows in parts.items()}
     return columns | {f"{word} count": np.array(many, np.int64) for word, many in counts.items()}
 
@@ -213,7 +215,7 @@ def _binary_tables(elements: list[_Element], body: bytes, kind: str) -> dict[str
             continue
         row = np.dtype([(f"{k}", order + of) for k, (_, of, _) in enumerate(element.properties)])
         if offset + element.count * row.itemsize > len(body):
-            raise _early_end_error(element)
+            raise _make_early_end_error(element)
         table = np.frombuffer(body, row, element.count, offset) if row.itemsize else np.empty(0, row)
         offset += element.count * row.itemsize
         tables[element.name] = {word: table[f"{k}"] for k, (word, _, _) in enumerate(element.properties)}
@@ -260,7 +262,7 @@ def _walk_rows(element: _Element, body: bytes, at: int, order: str) -> tuple[dic
             value_offsets[k].append(at)
             at += list_length * size
         if at > len(body):
-            raise _early_end_error(element)
+            raise _make_early_end_error(element)
     columns: dict[str, AnyArray] = {}
     raw = np.frombuffer(body, np.uint8)
     for k, (word, of, count) in enumerate(element.properties):
@@ -285,7 +287,7 @@ def _row_at(element: _Element, body: bytes, at: int, order: str) -> tuple[np.dty
         if count:
             size = np.dtype(count).itemsize
             if at + size > len(body):
-                raise _early_end_error(element)
+                raise _make_early_end_error(element)
             length = _list_length(float(np.frombuffer(body, order + count, 1, at)[0]))
             fields.append((f"n{k}", order + count))
             at += size

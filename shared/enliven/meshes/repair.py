@@ -69,14 +69,14 @@ def _remove_useless_faces(mesh: Mesh, notes: list[str]) -> Mesh:
     if flat.any():
         notes.append(f"{int(flat.sum())} faces without area were removed")
         mesh = mesh.with_faces(~flat)
-    repeated = _repeated_faces(mesh)
+    repeated = _find_repeated_faces(mesh)
     if repeated.any():
         notes.append(f"{int(repeated.sum())} duplicate faces were removed")
         mesh = mesh.with_faces(~repeated)
     return mesh
 
 
-def _repeated_faces(mesh: Mesh) -> Bool:
+def _find_repeated_faces(mesh: Mesh) -> Bool:
     """Returns (F,) True for each face with the same three positions as an earlier face."""
     welded, _ = weld(mesh)
     corners = np.sort(welded.faces.astype(np.int64), 1)

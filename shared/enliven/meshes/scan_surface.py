@@ -56,25 +56,25 @@ def surface_through_points(
     centroid = points.mean(0) if len(points) else np.zeros(3)
     depth = float(np.linalg.norm(centroid))
     if len(points) < 3 or depth < 1e-6:
-        raise _too_few_points_error(len(points), name)
+        raise _make_too_few_points_error(len(points), name)
     forward = centroid / depth
     right = np.cross(forward, [0.0, 1.0, 0.0] if abs(forward[1]) < 0.9 else [1.0, 0.0, 0.0])
     right /= np.linalg.norm(right)
     axes = np.stack([right, np.cross(forward, right), forward])
     sensor_points = points @ axes.T
-    sensor_points = _thin_points(
-        _unoccluded_points(sensor_points[sensor_points[:, 2] > 0.05 * depth], spacing), spacing
+    sensor_points = _thin_out_points(
+        _find_unoccluded_points(sensor_points[sensor_points[:, 2] > 0.05 * depth], spacing), spacing
     )
     if len(sensor_points) < 3:
-        raise _too_few_points_error(len(sensor_points), name)
+        raise _make_too_few_points_error(len(sensor_points), name)
     faces = np.asarray(
         scipy.spatial.Delaunay(sensor_points[:, :2] / sensor_points[:, 2:]).simplices, np.int64
     )
     faces = faces[_is_surface(sensor_points, faces, spacing)]
     if len(faces) == 0:
-        raise _too_few_points_error(0, name)
+        raise _make_too_few_points_error(0, name)
     mesh = Mesh(
-        sensor_points @ axes + viewpoint, _facing_triangles(sensor_points, faces).astype(np.int32), name
+        sensor_points @ axes + viewpoint, _find_facing_triangles(sensor_points, faces).astype(np.int32), name
     )
     return _remove_specks(mesh)
 
@@ -118,11 +118,11 @@ def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
     return np.stack([table[f"{a}"] for a in columns], -1).astype(np.float64), viewpoint
 
 
-def _too_few_points_error(count: int, name: str) -> InputError:
+def _make_too_few_points_error(count: int, name: str) -> InputError:
     return InputError(f"{count} points are too few for a surface", where=name, remedy="Record a denser scan.")
 
 
-def _unoccluded_points(seen: Float, spacing: float) -> Float:
+def _find_unoccluded_points(seen: Float, spacing: float) -> Float:
     """Returns the points (N, 3) of ``seen`` that no nearer point occludes. Occlusion is tested in an image
     with one pixel per ``spacing`` metres."""
     if len(seen) == 0:
@@ -144,7 +144,7 @@ def _unoccluded_points(seen: Float, spacing: float) -> Float:
     return np.asarray(seen[seen[:, 2] < nearest[pixels[:, 0], pixels[:, 1]] + _OCCLUSION_SPACINGS * spacing])
 
 
-def _thin_points(seen: Float, spacing: float) -> Float:
+def _thin_out_points(seen: Float, spacing: float) -> Float:
     """Returns one point (N, 3) for each occupied cube with sides of ``spacing`` metres: the mean of the
     points in the cube."""
     cells = np.floor(seen / spacing).astype(np.int64)
@@ -167,7 +167,7 @@ def _is_surface(seen: Float, faces: Int, spacing: float) -> Bool:
     )
 
 
-def _facing_triangles(seen: Float, faces: Int) -> Int:
+def _find_facing_triangles(seen: Float, faces: Int) -> Int:
     """Returns the triangles (F, 3), oriented counter-clockwise as seen from the sensor."""
     a, b, c = (seen[faces[:, k]] for k in range(3))
     faces_away = np.einsum("fi,fi->f", np.cross(b - a, c - a), a) > 0

@@ -84,19 +84,19 @@ def _off_vertices(body: bytes, count: int, kind: bytes) -> Iterator[tuple[Float,
         part = body[: ends[-1]]
         rows = np.unique(word_lines(part, word_starts(part)), return_counts=True)[1]
         if rows.min() == rows.max() >= 3:
-            yield _first_three(part, rows), len(part)
+            yield _read_first_three(part, rows), len(part)
     width = 3 + sum(
         extra_count for letters, extra_count in _OFF_EXTRAS.items() if letters in kind.removesuffix(b"OFF")
     )
     starts = word_starts(body)
     if len(starts) >= count * width:
         vertices_end = int(starts[count * width]) if len(starts) > count * width else len(body)
-        yield _first_three(body[:vertices_end], np.full(count, width)), vertices_end
+        yield _read_first_three(body[:vertices_end], np.full(count, width)), vertices_end
     if len(rows) == count and rows.min() >= 3:
-        yield _first_three(body[: ends[-1]], rows), int(ends[-1])
+        yield _read_first_three(body[: ends[-1]], rows), int(ends[-1])
 
 
-def _first_three(text: bytes, widths: Int) -> Float:
+def _read_first_three(text: bytes, widths: Int) -> Float:
     """Returns the first three numbers (V, 3) of every vertex.
 
     ``widths`` (V,) is the number of values of each vertex.
@@ -128,7 +128,7 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
     rows = numbers[: count * (first + 1)]
     if first > 0 and len(rows) == count * (first + 1) and (rows[:: first + 1] == first).all():
         corners = rows.reshape(count, -1)[:, 1:].reshape(-1)
-        if _invalid_corner(corners, vertex_count) is None:
+        if _find_invalid_corner(corners, vertex_count) is None:
             return corners, np.full(count, first), len(numbers) - len(rows)
     problem = ""
     lines = word_lines(body, word_starts(body))
@@ -144,7 +144,7 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
             corners += words[offset + 1 : offset + 1 + size]
             sizes.append(size)
             offset = offset + 1 + size if after is None else after[offset + size]
-        wrong = _invalid_corner(np.array(corners, np.int64), vertex_count)
+        wrong = _find_invalid_corner(np.array(corners, np.int64), vertex_count)
         if len(sizes) == count and wrong is None:
             return np.array(corners, np.int64), np.array(sizes, np.int64), len(words) - offset
         problem = f"face {len(sizes)} is truncated or invalid"
@@ -153,7 +153,7 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
     return problem
 
 
-def _invalid_corner(corners: Int, vertex_count: int) -> int | None:
+def _find_invalid_corner(corners: Int, vertex_count: int) -> int | None:
     """Returns the first vertex number in ``corners`` that is outside of 0..``vertex_count`` - 1, or None if
     all are valid."""
     invalid = corners[(corners < 0) | (corners >= vertex_count)]

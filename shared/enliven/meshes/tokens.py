@@ -89,13 +89,13 @@ def parse_numbers(text: bytes, dtype: Any = np.float64) -> AnyArray:
         except (DeprecationWarning, ValueError):
             pass
         warnings.simplefilter("ignore", DeprecationWarning)
-        word_start = _first_non_number(text, dtype)
+        word_start = _find_first_non_number(text, dtype)
     word = text[word_start : word_start + _MAX_SHOWN_BYTES].split(None, 1)[0].decode("utf-8", "replace")
     kind = "whole number" if np.dtype(dtype).kind == "i" else "number"
     raise WrongWordError(text.count(b"\n", 0, word_start), f"{word!r} is not a {kind}")
 
 
-def _first_non_number(text: bytes, dtype: Any) -> int:
+def _find_first_non_number(text: bytes, dtype: Any) -> int:
     """Returns the offset of the first word that is not a number, by bisection."""
     starts = word_starts(text)
     low, high = 0, len(starts)

@@ -55,7 +55,7 @@ def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     pair = np.flatnonzero(edges.counts == 2)
     first_side, second_side = edges.starts[pair], edges.starts[pair] + 1
     agree = edges.forward[first_side] != edges.forward[second_side]
-    part, flip, is_twisted = _consistent_parts(
+    part, flip, is_twisted = _find_consistent_parts(
         len(faces), edges.faces[first_side], edges.faces[second_side], agree
     )
     areas = face_areas(vertices, faces)
@@ -65,7 +65,7 @@ def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     # keeps its winding.
     mostly_flipped = np.bincount(part, areas * flip, count) > 0.5 * np.bincount(part, areas, count)
     flip ^= mostly_flipped[part]
-    closed = _closed_parts(edges, part, count) & ~is_twisted
+    closed = _find_closed_parts(edges, part, count) & ~is_twisted
     volumes, sizes = _part_volumes(vertices, faces, flip, part, count), np.bincount(part, areas / 2, count)
     inward = closed & (volumes < -_MIN_VOLUME_RATIO * sizes**1.5)
     if inward.any():
@@ -83,7 +83,7 @@ def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     if turned_parts:
         subject = "the mesh" if count == 1 else f"{turned_parts} of the {count} parts of the mesh"
         notes.append(f"the faces of {subject} pointed inwards and were flipped")
-    return mesh.turned(flip), notes
+    return mesh.flip_faces(flip), notes
 
 
 def _collect_edges(faces: Int32, vertex_count: int) -> _Edges:
@@ -135,7 +135,7 @@ def _orientation_roots(count, ones, twos, agree):
     return parent, against, twisted
 
 
-def _consistent_parts(count: int, ones: Int, twos: Int, agree: Bool) -> tuple[Int, Bool, Bool]:
+def _find_consistent_parts(count: int, ones: Int, twos: Int, agree: Bool) -> tuple[Int, Bool, Bool]:
     """Returns (F,) the part of each face, (F,) True for faces that are oriented opposite to the first face of
     their part, and (P,) True for one-sided parts.
     """
@@ -144,7 +144,7 @@ def _consistent_parts(count: int, ones: Int, twos: Int, agree: Bool) -> tuple[In
     return part.reshape(-1), against, twisted[roots]
 
 
-def _closed_parts(edges: _Edges, part: Int, count: int) -> Bool:
+def _find_closed_parts(edges: _Edges, part: Int, count: int) -> Bool:
     """Returns (P,) True for closed parts: every edge belongs to exactly two of the part's faces."""
     group = np.repeat(np.arange(len(edges.starts)), edges.counts)
     _, first, uses = np.unique(group * count + part[edges.faces], return_index=True, return_counts=True)

@@ -87,22 +87,22 @@ class RigEdits(ABC):
         return np.asarray(character.mesh.vertices)
 
     @abstractmethod
-    def seen(self, project: Project, character: Any, time: float, /) -> Float:
+    def compute_vertices(self, project: Project, character: Any, time: float, /) -> Float:
         """Returns the vertices at a time of the project, (V, 3) metres. A skeleton without a mesh returns its
         joints."""
 
     @abstractmethod
-    def drawn(self, character: Any, /) -> Character:
+    def make_drawing(self, character: Any, /) -> Character:
         """Returns the mesh and its pivots in the form that viewers and the network protocol use."""
 
     @abstractmethod
     def create_player(self, project: Project, character: Any, /) -> Player:
         """Returns a function from a time of the project to the transforms of the pivots, and the handles."""
 
-    def surface(self, project: Project, character: Any, /) -> Callable[[float], Float]:
+    def create_surface_player(self, project: Project, character: Any, /) -> Callable[[float], Float]:
         """Returns a function from a time to the vertices (V, 3), in metres in the world. It is fast enough to
         be called for every frame."""
-        player, drawn = self.create_player(project, character), self.drawn(character)
+        player, drawn = self.create_player(project, character), self.make_drawing(character)
         return lambda time: np.asarray(skin_vertices(drawn, player(time).pose), np.float64)
 
     def find_missing_data(self, project: Project, character: Any, /) -> tuple[str, ...]:
@@ -162,11 +162,11 @@ class RigEdits(ABC):
         return at
 
     @abstractmethod
-    def moved(self, character: Any, offset: Float, turn: Float, about: Float, /) -> Any:
+    def move(self, character: Any, offset: Float, turn: Float, about: Float, /) -> Any:
         """Returns the character, moved rigidly: x becomes turn (x - about) + about + offset."""
 
     @abstractmethod
-    def scaled(self, character: Any, factor: float, /) -> Any:
+    def scale(self, character: Any, factor: float, /) -> Any:
         """Returns the character scaled about its centre."""
 
     @abstractmethod
@@ -191,7 +191,7 @@ class RigEdits(ABC):
         """Cuts the character along a stroke, in its pose at a time. The first of the parts keeps the id."""
 
     @abstractmethod
-    def merged(self, project: Project, merge: Merge, /) -> Project:
+    def merge(self, project: Project, merge: Merge, /) -> Project:
         """Merges two characters with this kind of rig, in their poses at the time of the merge."""
 
 

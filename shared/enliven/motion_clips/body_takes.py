@@ -86,7 +86,7 @@ class RecordedHolds:
         return float((time_ns - self.begin_ns) * 1e-9)
 
 
-def recorded_holds(recording: Recording, id: str) -> RecordedHolds | None:
+def read_recorded_holds(recording: Recording, id: str) -> RecordedHolds | None:
     """Reads the performers of a recording and their attachments. Returns None if the recording does not
     contain them.
     """
@@ -123,8 +123,8 @@ def body_take_from_frames(frames: Iterable[Frame], id: str) -> BodyTake:
     """
     used_frames: list[BodyFrame] = []
     for frame in frames:
-        begun = isinstance(frame, BodyFrame) and bool(frame.bodies or used_frames)
-        if begun and (not used_frames or frame.time_ns > used_frames[-1].time_ns):
+        has_begun = isinstance(frame, BodyFrame) and bool(frame.bodies or used_frames)
+        if has_begun and (not used_frames or frame.time_ns > used_frames[-1].time_ns):
             used_frames.append(frame)
     people = sorted({body.id for frame in used_frames for body in frame.bodies})
     if not people:

@@ -38,7 +38,7 @@ def find_limb_rotations(capture: Capture, roles: JointRoles) -> tuple[Float, Boo
     hand_tips = np.where(
         np.linalg.norm(tips - wrists, axis=-1, keepdims=True) > 1e-6, tips, 2 * wrists - elbows
     )
-    standing = _standing_feet(toes, ankles, capture.seconds, knees, hips)
+    standing = _find_feet_on_floor(toes, ankles, capture.seconds, knees, hips)
     for side in (0, 1):
         hinge = _hinge_axis(
             shoulders[:, side], elbows[:, side], wrists[:, side], rotations[:, Limb.CHEST], 1.0
@@ -56,7 +56,7 @@ def find_limb_rotations(capture: Capture, roles: JointRoles) -> tuple[Float, Boo
     return rotations, standing
 
 
-def _standing_feet(toes: Float, ankles: Float, seconds: float, knees: Float, hips: Float) -> Bool:
+def _find_feet_on_floor(toes: Float, ankles: Float, seconds: float, knees: Float, hips: Float) -> Bool:
     """Returns (F, 2) True for frames in which a foot is low and nearly still. At least a fifth of all frames
     is True.
     """

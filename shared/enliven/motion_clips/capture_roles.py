@@ -52,19 +52,19 @@ def find_roles(capture: Capture) -> JointRoles:
         InputError: if a joint is missing. The message lists the existing joints.
     """
     names = [re.sub(r"[^a-z0-9]", "", name.split(":")[-1].lower()) for name in capture.names]
-    elbows = _matching_pair(capture, names, _ELBOWS, "elbow")
-    knees = _matching_pair(capture, names, _KNEES, "knee")
+    elbows = _find_matching_pair(capture, names, _ELBOWS, "elbow")
+    knees = _find_matching_pair(capture, names, _KNEES, "knee")
     head = next((j for j, name in enumerate(names) if name == "head"), -1)
     if head < 0:
-        raise _missing_role_error(capture, "head")
+        raise _make_missing_role_error(capture, "head")
     shoulders = capture.parents[elbows[0]], capture.parents[elbows[1]]
     hips = capture.parents[knees[0]], capture.parents[knees[1]]
     if min(*shoulders, *hips) < 0:
-        raise _missing_role_error(capture, "shoulder or hip")
-    wrists = _matching_children(capture, names, elbows, _WRISTS)
-    ankles = _matching_children(capture, names, knees, _ANKLES)
-    trunk = _common_ancestors(capture, (*shoulders, head))
-    root = _common_ancestors(capture, (*hips, trunk[-1]))[-1]
+        raise _make_missing_role_error(capture, "shoulder or hip")
+    wrists = _find_matching_children(capture, names, elbows, _WRISTS)
+    ankles = _find_matching_children(capture, names, knees, _ANKLES)
+    trunk = _find_common_ancestors(capture, (*shoulders, head))
+    root = _find_common_ancestors(capture, (*hips, trunk[-1]))[-1]
     return JointRoles(
         root=root,
         spine=tuple(trunk[trunk.index(root) :]),
@@ -86,7 +86,9 @@ def find_roles(capture: Capture) -> JointRoles:
     )
 
 
-def _matching_pair(capture: Capture, names: list[str], parts: tuple[str, ...], role: str) -> tuple[int, int]:
+def _find_matching_pair(
+    capture: Capture, names: list[str], parts: tuple[str, ...], role: str
+) -> tuple[int, int]:
     """Returns the left and the right joint with the same name part. The first of ``parts`` that matches on
     both sides is used.
     """
@@ -97,10 +99,10 @@ def _matching_pair(capture: Capture, names: list[str], parts: tuple[str, ...], r
         ]
         if min(sides) >= 0:
             return sides[0], sides[1]
-    raise _missing_role_error(capture, role)
+    raise _make_missing_role_error(capture, role)
 
 
-def _missing_role_error(capture: Capture, role: str) -> InputError:
+def _make_missing_role_error(capture: Capture, role: str) -> InputError:
     return InputError(
         f"no joint is named as a {role}",
         where="motion capture",
@@ -116,7 +118,7 @@ def _ancestors(capture: Capture, joint: int) -> list[int]:
     return chain[::-1]
 
 
-def _common_ancestors(capture: Capture, joints: tuple[int, ...]) -> list[int]:
+def _find_common_ancestors(capture: Capture, joints: tuple[int, ...]) -> list[int]:
     """Returns the common ancestors of all the joints."""
     chains = [_ancestors(capture, j) for j in joints]
     return [j for j in chains[0] if all(j in chain for chain in chains)]
@@ -126,7 +128,7 @@ def _children_of(capture: Capture, joint: int) -> list[int]:
     return [j for j, parent in enumerate(capture.parents) if parent == joint]
 
 
-def _matching_children(
+def _find_matching_children(
     capture: Capture, names: list[str], joints: tuple[int, int], parts: tuple[str, ...]
 ) -> tuple[int, int]:
     """Returns for each of two joints the child with a matching name, or otherwise the first child."""
@@ -134,7 +136,7 @@ def _matching_children(
     for joint in joints:
         below = _children_of(capture, joint)
         if not below:
-            raise _missing_role_error(capture, f"{parts[0]} below {capture.names[joint]}")
+            raise _make_missing_role_error(capture, f"{parts[0]} below {capture.names[joint]}")
         matching = [j for part in parts for j in below if part in names[j]]
         children.append((matching or below)[0])
     return children[0], children[1]

@@ -110,16 +110,16 @@ def _up_axis(capture: Capture) -> str:
     pose is used if the lowest joint is at zero only along this axis.
     """
     roles = _joint_roles(capture)
-    ups = _up_vectors(capture, roles, capture.positions)
+    ups = _compute_up_vectors(capture, roles, capture.positions)
     moving = np.median(ups, axis=0)
     if not moving.any():
         return "+Y"
-    axis, is_clear = _nearest_axis(moving)
+    axis, is_clear = _find_nearest_axis(moving)
     is_steady = float(np.mean(unit(ups), axis=0) @ unit(moving)) > _MIN_STEADINESS
     if roles is None and not is_clear:
         return "+Y"
-    rest_up = _up_vectors(capture, roles, _zero_pose(capture)[None])[0]
-    resting, stands = _nearest_axis(rest_up)
+    rest_up = _compute_up_vectors(capture, roles, _zero_pose(capture)[None])[0]
+    resting, stands = _find_nearest_axis(rest_up)
     stands = stands and np.linalg.norm(rest_up) > _MIN_REST_HEIGHT * np.linalg.norm(moving)
     if not stands or resting == axis:
         return axis
@@ -127,7 +127,7 @@ def _up_axis(capture: Capture) -> str:
     return resting if is_lying or not is_steady else axis
 
 
-def _up_vectors(capture: Capture, roles: JointRoles | None, positions: Float) -> Float:
+def _compute_up_vectors(capture: Capture, roles: JointRoles | None, positions: Float) -> Float:
     """Returns vectors (F, 3) that point up: from the ankles to the head, or along an animal's legs. They are
     zero if unknown.
     """
@@ -145,7 +145,7 @@ def _up_vectors(capture: Capture, roles: JointRoles | None, positions: Float) ->
     return np.asarray(np.mean([positions[:, top] - positions[:, foot] for top, foot in legs], axis=0))
 
 
-def _nearest_axis(up: Float) -> tuple[str, bool]:
+def _find_nearest_axis(up: Float) -> tuple[str, bool]:
     """Returns the axis nearest to a vector, and True if the choice is unambiguous. Otherwise returns +Y or
     -Y, and False.
     """

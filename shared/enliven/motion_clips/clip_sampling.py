@@ -25,11 +25,11 @@ def trim_clip(clip: Clip, start: float, stop: float) -> Clip:
     """Trims a clip to the frames from ``start`` to ``stop`` seconds. At least one frame is kept."""
     first = min(max(round(start / clip.step), 0), len(clip.turns) - 1)
     last = max(round(stop / clip.step) + 1, first + 1)
-    trimmed = clip.mapped(lambda track: track[first:last])
+    trimmed = clip.map_values(lambda track: track[first:last])
     if clip.fine is None:
         return trimmed
     return replace(
-        trimmed, fine=clip.fine.between(first * clip.step, (len(trimmed.turns) + first - 1) * clip.step)
+        trimmed, fine=clip.fine.cut(first * clip.step, (len(trimmed.turns) + first - 1) * clip.step)
     )
 
 

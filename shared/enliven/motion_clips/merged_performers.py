@@ -119,9 +119,9 @@ def _bridge_losses(frames: list[BodyFrame]) -> list[BodyFrame]:
     last_seen: dict[int, tuple[int, Body]] = {}
     for frame in frames:
         for body in frame.bodies:
-            since = last_seen.get(body.id)
-            if since is not None and frame.time_ns - since[0] > 2 * _BLEND_NS:
-                added.setdefault(frame.time_ns - _BLEND_NS, []).append(since[1])
+            last_frame = last_seen.get(body.id)
+            if last_frame is not None and frame.time_ns - last_frame[0] > 2 * _BLEND_NS:
+                added.setdefault(frame.time_ns - _BLEND_NS, []).append(last_frame[1])
             last_seen[body.id] = frame.time_ns, body
     frames_by_time = {frame.time_ns: frame for frame in frames}
     for time_ns, bodies in added.items():

@@ -52,7 +52,7 @@ from enliven.modeling.possessed.even_steps import (
 )
 from enliven.modeling.possessed.solving import mark_as_solved
 from enliven.modeling.puppet.baking import graph_from_baked_surface
-from enliven.motion_clips.body_takes import RecordedHolds, body_take_from_file, recorded_holds
+from enliven.motion_clips.body_takes import RecordedHolds, body_take_from_file, read_recorded_holds
 from enliven.motion_clips.edge_messages import read_messages
 from enliven.recording import Recording
 from enliven.rotation import conjugate, from_matrix, remove_sign_jumps, rotate, to_matrix
@@ -85,7 +85,7 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
     recording = Recording(path)
     characters, poses = read_characters_and_poses(recording)
     begin = min((own_poses[0].time_ns for own_poses in poses.values() if own_poses), default=0)
-    project, holds = Project(), recorded_holds(recording, Path(path).stem)
+    project, holds = Project(), read_recorded_holds(recording, Path(path).stem)
     for key, character in characters.items():
         own_poses = poses.get(key, [])
         if character.kind not in ("graph", "points") or len(own_poses) < _MIN_MOVING_POSES:

@@ -13,7 +13,7 @@ from enliven.arrays import Float
 from enliven.document import Clip, joint_places
 from enliven.errors import InputError
 from enliven.formats.gltf.read import read_gltf
-from enliven.formats.motion.added_pose import added_frame_notes, count_added_frames
+from enliven.formats.motion.added_pose import count_added_frames, make_added_frame_notes
 from enliven.formats.project.file import read_project
 from enliven.meshes import GLTF_SUFFIXES
 from enliven.motion_clips.capture_clip import clip_of_capture
@@ -85,7 +85,7 @@ def _remove_added_poses(
     if not (begin or end):
         return clip, notes
     span = slice(begin, len(clip.turns) - end)
-    return clip.mapped(lambda track: track[span]), (*notes, *added_frame_notes(begin, end))
+    return clip.map_values(lambda track: track[span]), (*notes, *make_added_frame_notes(begin, end))
 
 
 def _find_clip(clips: Sequence[Clip], path: Path, requested: str | None) -> Clip:

@@ -179,9 +179,9 @@ def _sample_recorded(
 ) -> Performance:
     """Samples a character of a live performance, as a rigged shape or as a possessed mesh."""
     if character.kind == "bones":
-        still, clip, offset = shape_and_clip_from_poses(replace(character, id=name), poses, begin)
-        project, shape = play_clip(Project(), still, clip)
-        later_shape = shape.later(offset)
+        still_shape, clip, offset = shape_and_clip_from_poses(replace(character, id=name), poses, begin)
+        project, shape = play_clip(Project(), still_shape, clip)
+        later_shape = shape.delay_motion(offset)
         return _sample_character(
             project.with_characters(later_shape), later_shape, start, end, rate, how, keyed, 1 / clip.step
         )

@@ -21,7 +21,7 @@ from enliven.rotation import (
     unit,
 )
 from enliven.skeletons.facing import find_facing
-from enliven.skeletons.human_names import HumanJoints, HumanLimb, finger_joints, human_joints
+from enliven.skeletons.human_names import HumanJoints, HumanLimb, find_human_joints, finger_joints
 
 _DOWN = np.array([0.0, -1.0, 0.0])
 _SIDEWAYS = {"Left": np.array([1.0, 0.0, 0.0]), "Right": np.array([-1.0, 0.0, 0.0])}
@@ -66,7 +66,7 @@ class HumanoidMap:
         front = from_rotation_vector(np.array([0.0, -facing, 0.0]))
         self._rest_from_t_pose = conjugate(multiply(np.stack([node.t_pose for node in nodes]), front))
 
-    def pose(self, pose: Pose) -> HumanPose:
+    def convert_pose(self, pose: Pose) -> HumanPose:
         """Converts a pose of the character to a human pose."""
         linear = np.require(pose.linear, np.float32, ("C", "W"))
         places = np.require(pose.positions, np.float32, ("C", "W"))
@@ -79,7 +79,7 @@ class HumanoidMap:
 def humanoid_map(skeleton: Skeleton) -> HumanoidMap | None:
     """Returns the humanoid bones of a skeleton, or None if its joints do not have the names of human
     joints."""
-    human = human_joints(skeleton)
+    human = find_human_joints(skeleton)
     if human is None:
         return None
     return _Mapping(skeleton, human).result()
@@ -111,7 +111,7 @@ class _Mapping:
         else:
             self._add("Hips", human.hips, self._next(human.hips, human.legs[0].knots[0]))
         path = skeleton.path(human.hips, human.chest)
-        trunk = [joint for before, joint in pairwise(path) if skeleton.parents[joint] == before]
+        trunk = [joint for parent, joint in pairwise(path) if skeleton.parents[joint] == parent]
         above = [*trunk[1:], head[1] if len(head) > 1 else self._next(human.chest, human.arms[0].knots[0])]
         names = ("Spine", "Chest", "UpperChest")
         # If the trunk has more than three joints, use the first one and the last two.
@@ -130,9 +130,9 @@ class _Mapping:
             self._add(f"{side}Shoulder", collar[0], self._next(collar[0], upper))
         outwards = _SIDEWAYS[side]
         self._add(
-            f"{side}UpperArm", upper, self._next(upper, lower), self._straightened(upper, lower, outwards)
+            f"{side}UpperArm", upper, self._next(upper, lower), self._straighten_limb(upper, lower, outwards)
         )
-        straight = self._straightened(lower, hand, outwards)
+        straight = self._straighten_limb(lower, hand, outwards)
         self._add(f"{side}LowerArm", lower, self._next(lower, hand), straight)
         self._add(f"{side}Hand", hand, arm.tip, straight)
         for finger, chain in finger_joints(self._skeleton, hand).items():
@@ -141,8 +141,12 @@ class _Mapping:
 
     def _add_leg(self, side: str, leg: HumanLimb) -> None:
         upper, lower, foot = leg.knots
-        self._add(f"{side}UpperLeg", upper, self._next(upper, lower), self._straightened(upper, lower, _DOWN))
-        self._add(f"{side}LowerLeg", lower, self._next(lower, foot), self._straightened(lower, foot, _DOWN))
+        self._add(
+            f"{side}UpperLeg", upper, self._next(upper, lower), self._straighten_limb(upper, lower, _DOWN)
+        )
+        self._add(
+            f"{side}LowerLeg", lower, self._next(lower, foot), self._straighten_limb(lower, foot, _DOWN)
+        )
         self._add(f"{side}Foot", foot, leg.tip)
         if leg.tip >= 0:
             self._add(f"{side}Toes", leg.tip, -1)
@@ -151,11 +155,11 @@ class _Mapping:
         """Returns the child of ``joint`` on the path to its descendant ``end``."""
         return (*self._skeleton.path(joint, end), joint)[1]
 
-    def _straightened(self, start: int, end: int, direction: Float) -> Float:
+    def _straighten_limb(self, start: int, end: int, direction: Float) -> Float:
         """Returns the rotation (4,) from the rest direction of a limb to its direction in the T-pose."""
-        at = self._skeleton.positions
-        way = unit(rotate(self._front, at[end] - at[start]))
-        return swing(way, direction) if np.any(way) else IDENTITY
+        positions = self._skeleton.positions
+        rest_direction = unit(rotate(self._front, positions[end] - positions[start]))
+        return swing(rest_direction, direction) if np.any(rest_direction) else IDENTITY
 
     def _add(self, bone: str, joint: int, child: int, t_pose: Float = IDENTITY) -> None:
         """Adds the bone from a joint to its child. ``child`` is -1 if the joint has no child."""

@@ -134,19 +134,19 @@ class LiveFrame:
     _humans: dict[str, HumanPose] = field(init=False, default_factory=dict, repr=False)
     """Cache of the human poses by name. Each pose is computed once for all outputs."""
 
-    def human_performer(self, number: int) -> HumanPose | None:
+    def find_human_performer(self, number: int) -> HumanPose | None:
         """Returns the human pose of a performer, or None if there is none with this number."""
         body, name = self.performers.get(number), f"{PERFORMER}{number}"
         if body is not None and name not in self._humans:
             self._humans[name] = human_of_body(body, name)
         return self._humans.get(name)
 
-    def human_character(self, name: str) -> HumanPose | None:
+    def find_human_character(self, name: str) -> HumanPose | None:
         """Returns the human pose of a character, or None if it is not a rigged human on the stage."""
         if name not in self._humans:
             for info, pose in self.posed:
                 if pose.character == name and info.humanoid is not None:
-                    self._humans[name] = info.humanoid.pose(pose)
+                    self._humans[name] = info.humanoid.convert_pose(pose)
                     break
         return self._humans.get(name)
 
@@ -163,11 +163,11 @@ class LiveFrame:
     @property
     def humans(self) -> list[HumanPose]:
         """The human poses of all performers, and then of all characters that are rigged humans."""
-        poses = [self.human_performer(number) for number in self.performers]
-        poses += [self.human_character(pose.character) for pose in self.poses]
+        poses = [self.find_human_performer(number) for number in self.performers]
+        poses += [self.find_human_character(pose.character) for pose in self.poses]
         return [human for human in poses if human is not None]
 
-    def human(self, source: str) -> HumanPose | None:
+    def find_human(self, source: str) -> HumanPose | None:
         """Returns the human pose of a source, or None if there is none now.
 
         Args:
@@ -176,13 +176,13 @@ class LiveFrame:
         """
         if source.startswith(PERFORMER):
             number = source.removeprefix(PERFORMER)
-            return self.human_performer(int(number)) if number.isdecimal() else None
+            return self.find_human_performer(int(number)) if number.isdecimal() else None
         if source:
-            return self.human_character(source)
+            return self.find_human_character(source)
         for pose in self.poses:
-            if (human := self.human_character(pose.character)) is not None:
+            if (human := self.find_human_character(pose.character)) is not None:
                 return human
-        return self.human_performer(min(self.performers)) if self.performers else None
+        return self.find_human_performer(min(self.performers)) if self.performers else None
 
     @cached_property
     def rows(self) -> StageRows:
@@ -297,8 +297,10 @@ class PerformerSlots:
         numbered = {}
         for body in bodies:
             if body.id not in self._numbers:
-                taken = set(self._numbers.values())
-                self._numbers[body.id] = next(n for n in range(1, len(taken) + 2) if n not in taken)
+                taken_numbers = set(self._numbers.values())
+                self._numbers[body.id] = next(
+                    n for n in range(1, len(taken_numbers) + 2) if n not in taken_numbers
+                )
                 events.append(LiveEvent("enter", self._numbers[body.id]))
             numbered[self._numbers[body.id]] = body
         self._seen_ns = {body: self._seen_ns[body] for body in self._numbers}

@@ -105,10 +105,10 @@ class OscTemplates:
             if len(self._templates) >= _MAX_TEMPLATES:
                 self._templates.clear()
             template = self._templates[key] = OscTemplate(messages())
-        return template.packets(_limited(numbers))
+        return template.packets(_limit_value(numbers))
 
 
-def _limited(numbers: AnyArray) -> AnyArray:
+def _limit_value(numbers: AnyArray) -> AnyArray:
     """Clamps numbers to the range that is sent. Numbers that are not finite become 0.
 
     A receiver cannot use a value that is not finite, and some receivers crash.

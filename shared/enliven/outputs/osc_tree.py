@@ -149,7 +149,7 @@ class OscOutput(LiveOutput):
             if len(self._trees) >= _MAX_TREES:
                 self._trees.clear()
             self._trees[key] = self._tree(rows)
-        messages, kept = self._trees[key]
+        messages, kept_indices = self._trees[key]
         seconds = (frame.time_ns - self._first_ns) * 1e-9
         parts = [np.array([seconds, len(frame.performers)])]
         for body in frame.performers.values():
@@ -160,7 +160,7 @@ class OscOutput(LiveOutput):
         parts.append(placed.ravel())
         if frame.props is not None:
             parts.append(frame.props.positions.ravel())
-        tree = self._templates.packets(key, lambda: messages, np.concatenate(parts)[kept])
+        tree = self._templates.packets(key, lambda: messages, np.concatenate(parts)[kept_indices])
         return [*self._events(frame), *tree]
 
     def _tree(self, rows: StageRows) -> tuple[list[OscMessage], Int]:
@@ -169,14 +169,14 @@ class OscOutput(LiveOutput):
         blocks = [("", _GLOBAL), *((f"performer/{number}", _PERFORMER) for number in performers)]
         blocks += [(f"character/{_encode_name(name)}", _CHARACTER) for name in rows.names]
         blocks += [(f"prop/{number}", _PROP) for number in props]
-        messages, kept, first = [], list[int](), 0
+        messages, kept_indices, first = [], list[int](), 0
         for path, leaves in blocks:
             for leaf, types in leaves:
                 if address := self._addresses.rename("/".join(filter(None, (ROOT, path, leaf)))):
                     messages.append(OscMessage(address, types))
-                    kept += range(first, first + len(types))
+                    kept_indices += range(first, first + len(types))
                 first += len(types)
-        return messages, np.array(kept, np.intp)
+        return messages, np.array(kept_indices, np.intp)
 
     def _events(self, frame: LiveFrame) -> list[bytes]:
         """Returns a list with one packet that contains the events of the frame. The list is empty without

@@ -88,7 +88,7 @@ def plan_outputs(
 ) -> list[OutputPlan]:
     """Checks the outputs in the settings and on the command line. For arguments and errors see
     :func:`opening.open_outputs`."""
-    plans, taken = list[OutputPlan](), dict[tuple[object, ...], str]()
+    plans, taken_targets = list[OutputPlan](), dict[tuple[object, ...], str]()
     for name, wanted in settings.items():
         where = name if name.startswith("--out") else f"outputs.{name}"
         address = parse_address(wanted.to, {scheme: row.port for scheme, row in OUTPUTS.items()}, where)
@@ -97,10 +97,12 @@ def plan_outputs(
         _refuse_other_keys(wanted, address.scheme, protocol, where)
         family, place = resolve(address, where)
         key = (address.scheme, *place)
-        if key in taken:
+        if key in taken_targets:
             remedy = "Remove one of the two outputs, or choose another port for one."
-            raise InputError(f"{address} is the same output as {taken[key]}", where=where, remedy=remedy)
-        taken[key] = where
+            raise InputError(
+                f"{address} is the same output as {taken_targets[key]}", where=where, remedy=remedy
+            )
+        taken_targets[key] = where
         need(protocol.library, protocol.extra, where, package="enliven")
         if protocol.listen is not None:
             _check_reach(str(place[0]), insecure or wanted.insecure, address, where)
@@ -175,10 +177,10 @@ def _check_source(address: OutputAddress, protocol: Protocol, where: str) -> Non
 
 def _refuse_other_keys(wanted: LiveOutputSettings, scheme: str, protocol: Protocol, where: str) -> None:
     """Raises InputError if the settings contain a key that this protocol would ignore."""
-    own = {"to", *protocol.keys}
+    own_keys = {"to", *protocol.keys}
     for item in dataclasses.fields(wanted):
-        if item.name not in own and getattr(wanted, item.name) != item.default:
-            remedy = f"Outputs with the protocol {scheme} have the keys {', '.join(sorted(own))}."
+        if item.name not in own_keys and getattr(wanted, item.name) != item.default:
+            remedy = f"Outputs with the protocol {scheme} have the keys {', '.join(sorted(own_keys))}."
             raise InputError(
                 f"the key {item.name} does not apply to the protocol {scheme}", where=where, remedy=remedy
             )

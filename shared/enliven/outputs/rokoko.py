@@ -100,7 +100,7 @@ class _Scene:
         begins = np.cumsum([0, *(len(human.bones) for human in humans)])
         joints = [begin + np.array(_rows_of(h.bones)) for begin, h in zip(begins[:-1], humans, strict=True)]
         self._joints = np.concatenate([np.zeros(0, np.int64), *joints])
-        bones, objects = _other_rows(rows)
+        bones, objects = _make_other_rows(rows)
         self._rows = np.array([row for chosen in bones for row in chosen] + objects, np.int64)
         labels = rows.labels()
         scene = {
@@ -146,7 +146,7 @@ class _Scene:
         return self._template.fill_numbers(numbers)
 
 
-def _other_rows(rows: StageRows) -> tuple[list[range], list[int]]:
+def _make_other_rows(rows: StageRows) -> tuple[list[range], list[int]]:
     """Returns the row numbers of everything that is not human.
 
     The first list contains the bones of each rigged character that is not human. The second list contains the

@@ -65,7 +65,7 @@ class VmcOutput(LiveOutput):
     def encode_packets(self, frame: LiveFrame) -> list[bytes]:
         if self._first_ns is None or frame.time_ns < self._first_ns:
             self._first_ns = frame.time_ns
-        human, rows = frame.human(self._source), frame.rows
+        human, rows = frame.find_human(self._source), frame.rows
         bones, name = ((), "") if human is None else (human.bones, human.name)
         key = (rows.key, bones, name)
         if key not in self._trackers:
@@ -74,9 +74,9 @@ class VmcOutput(LiveOutput):
             self._trackers[key] = tracker_rows(rows, name)
         chosen = self._trackers[key]
         numbers = np.empty(_FIRST_BONE + 7 * (len(bones) + len(chosen)))
-        there = human is not None
+        is_present = human is not None
         seconds = (frame.time_ns - self._first_ns) * 1e-9
-        numbers[:5] = there, _CALIBRATED if there else 0, _NORMAL_MODE, there, seconds
+        numbers[:5] = is_present, _CALIBRATED if is_present else 0, _NORMAL_MODE, is_present, seconds
         numbers[5:_FIRST_BONE] = _ROOT_AT_ORIGIN
         end = _FIRST_BONE + 7 * len(bones)
         if human is not None:

@@ -59,7 +59,7 @@ class VrchatOutput(LiveOutput):
         number = (
             int(self._source.removeprefix(PERFORMER)) if self._source else min(frame.performers, default=0)
         )
-        body, human = frame.performers.get(number), frame.human_performer(number)
+        body, human = frame.performers.get(number), frame.find_human_performer(number)
         if body is None or human is None:
             return []
         values = tracker_values(body, human, self._height)

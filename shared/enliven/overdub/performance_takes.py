@@ -113,9 +113,9 @@ def _add_character(project: Project, motion: PerformedCharacter) -> tuple[Projec
         rest_shape, clip, offset = shape_and_clip_from_poses(renamed, poses, begin)
         take = replace(clip, id=unused(f"{performed.name} on {renamed.id}", project.takes))
         project, shape = play_clip(project, rest_shape, take)
-        return project.with_characters(shape.later(offset)), shape.id
+        return project.with_characters(shape.delay_motion(offset)), shape.id
     other_characters = (
-        project.without(key[0]) if existing is not None and existing.is_possessable else project
+        project.drop_character(key[0]) if existing is not None and existing.is_possessable else project
     )
     other_characters = add_character_motion(
         other_characters, key, character, poses, begin, [], motion.holds(project)

@@ -51,9 +51,9 @@ class PunchIn:
         if layer.weights or layer.speeds:
             even = replace(
                 self,
-                begin=layer.to_unwarped_time(self.begin),
-                end=layer.to_unwarped_time(self.end),
-                until=layer.to_unwarped_time(self.until),
+                begin=layer.convert_to_unwarped_time(self.begin),
+                end=layer.convert_to_unwarped_time(self.end),
+                until=layer.convert_to_unwarped_time(self.until),
             )
             kept_lane: list[_Layer | None] = []
 
@@ -65,22 +65,24 @@ class PunchIn:
             return None if kept_lane[0] is None else changed
         ease = min(FADE_S if layer.hold else layer.ease, self._half_length)
         low, high = self.begin + ease, self.end - ease
-        before, after = list[Segment](), list[Segment]()
+        segments_before, segments_after = list[Segment](), list[Segment]()
         for clip in self._layer_clips(layer, project.length_of(layer), ease):
             if min(clip.end, low) - clip.begin > _MIN_CLIP_S:
-                before.append(replace(clip, end=min(clip.end, low)))
+                segments_before.append(replace(clip, end=min(clip.end, low)))
             start = max(clip.begin, high)
             if clip.end - start > _MIN_CLIP_S:
-                after.append(replace(clip, begin=start, first=clip.second(start)))
+                segments_after.append(replace(clip, begin=start, first=clip.compute_take_time(start)))
         # Keep the earlier motion only if some of it is outside the fades.
         first = min(self.begin, self.until) - _MIN_CLIP_S
         has_earlier_motion = (
-            any(clip.begin < first and clip.end > _MIN_CLIP_S for clip in before) and first > 0.0
+            any(clip.begin < first and clip.end > _MIN_CLIP_S for clip in segments_before) and first > 0.0
         )
-        remaining = before if has_earlier_motion else []
+        remaining = segments_before if has_earlier_motion else []
         last = self.end + _MIN_CLIP_S
-        has_earlier_motion = any(clip.end > last and clip.begin < self.until - _MIN_CLIP_S for clip in after)
-        remaining = [*remaining, *(after if has_earlier_motion and self.until > last else [])]
+        has_earlier_motion = any(
+            clip.end > last and clip.begin < self.until - _MIN_CLIP_S for clip in segments_after
+        )
+        remaining = [*remaining, *(segments_after if has_earlier_motion and self.until > last else [])]
         if not remaining:
             return None
         silenced = layer.with_clips(_sort_clips(remaining), project.length_of(layer))
@@ -117,10 +119,10 @@ class PunchIn:
             ]
         if layer.loop or not layer.hold:
             return clips
-        before = Segment(
+        lead_in = Segment(
             min(0.0, clips[0].begin) - ease - _MIN_CLIP_S, clips[0].begin, clips[0].first, _HELD_CLIP_SPEED
         )
-        extended = [before]
+        extended = [lead_in]
         for clip, end in zip(clips, [*(c.begin for c in clips[1:]), self.until + ease], strict=True):
             extended.append(clip)
             if end > clip.end + _MIN_CLIP_S:
@@ -138,7 +140,7 @@ def _sort_clips(clips: Sequence[Segment]) -> list[Segment]:
             clip = replace(clip, end=separated_clips[-1].end + _MIN_CLIP_S)
         if separated_clips and clip.begin <= separated_clips[-1].begin:
             start = separated_clips[-1].begin + _MIN_CLIP_S
-            clip = replace(clip, begin=start, first=clip.second(start))
+            clip = replace(clip, begin=start, first=clip.compute_take_time(start))
         separated_clips.append(clip)
     return separated_clips
 
@@ -169,7 +171,7 @@ def punch_bones(project: Project, shape_id: str, chain: Sequence[int], punch: Pu
         spans[bone] = tuple(
             replace(
                 span,
-                refs=tuple(_renamed_reference(ref, instead) for ref in span.refs if ref.layer in instead),
+                refs=tuple(_rename_reference(ref, instead) for ref in span.refs if ref.layer in instead),
             )
             for span in spans[bone]
         )
@@ -177,5 +179,5 @@ def punch_bones(project: Project, shape_id: str, chain: Sequence[int], punch: Pu
     return project.with_characters(shape)
 
 
-def _renamed_reference(ref: Ref, names: dict[str, str]) -> Ref:
+def _rename_reference(ref: Ref, names: dict[str, str]) -> Ref:
     return replace(ref, layer=names[ref.layer])

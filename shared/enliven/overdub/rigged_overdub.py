@@ -40,7 +40,7 @@ class LiveLayer:
         self._take = take.id
         project = project.with_takes(take)
         for joint in range(len(shape.skeleton)):
-            chain = single_bone_chain(shape, joint)
+            chain = make_single_bone_chain(shape, joint)
             if joint in replaced:
                 project = clear_chain(project, shape_id, chain)
             project = bind_chain(project, shape_id, chain, take.id, chain, basis=IDENTITY)
@@ -60,13 +60,13 @@ class LiveLayer:
             local_turns = local_rotations(shape, from_matrix(live.linear.astype(np.float64))[None])
         turns = compose_rotations(shape.skeleton.parents, local_turns)[0]
         self._player.feed(self._take, turns, shape.skeleton.positions[0])
-        own_pose = self._player.at(seconds)
+        own_pose = self._player.compute_pose(seconds)
         pose, shift = pose_from(shape, own_pose, seconds), live.positions[0].astype(np.float64) - rest
         moved_positions = (pose.positions + shift).astype(np.float32)
         return Pose(shape.id, live.time_ns, pose.linear, moved_positions), own_pose.joints + shift
 
 
-def single_bone_chain(shape: RiggedCharacter, joint: int) -> tuple[int, ...]:
+def make_single_bone_chain(shape: RiggedCharacter, joint: int) -> tuple[int, ...]:
     """Returns the chain of a single bone: its parent and the joint, or the root."""
     return (int(shape.skeleton.parents[joint]), joint) if joint else (0,)
 
@@ -135,10 +135,10 @@ def _moved_limbs(shape: RiggedCharacter, moved: Sequence[int]) -> list[tuple[int
         ended = [
             n
             for n, chain in enumerate(chains)
-            if chain[-1] == single_bone_chain(shape, joint)[0] and chain != (0,)
+            if chain[-1] == make_single_bone_chain(shape, joint)[0] and chain != (0,)
         ]
         if joint and ended and len(set(child_bones[chains[ended[0]][-1]]) & set(moved)) == 1:
             chains[ended[0]] = (*chains[ended[0]], joint)
         else:
-            chains.append(single_bone_chain(shape, joint))
+            chains.append(make_single_bone_chain(shape, joint))
     return chains

@@ -101,7 +101,7 @@ def parse_announcement(port: int | None, properties: Mapping[bytes, bytes | None
     )
 
 
-def missing_discovery_reason() -> str:
+def find_missing_discovery_reason() -> str:
     """Returns the reason why edges cannot be found or announced, with the remedy. Returns an empty string if
     they can."""
     if importlib.util.find_spec("zeroconf") is not None:

@@ -74,7 +74,7 @@ class Announcer:
     def _announce(self) -> None:
         from zeroconf import InterfaceChoice, Zeroconf
 
-        addresses = own_addresses(self._host)
+        addresses = list_own_addresses(self._host)
         if not addresses:
             log.warning(
                 "the edge %s is not announced, because this computer has no network connection",
@@ -121,7 +121,7 @@ _ALL_ADDRESSES = ("0.0.0.0", "::", "*", "")
 """Addresses that mean all network interfaces."""
 
 
-def own_addresses(host: str) -> list[str]:
+def list_own_addresses(host: str) -> list[str]:
     """Returns the addresses of this machine at which other machines can reach a service that listens on
     ``host``."""
     if host in _ALL_ADDRESSES:

@@ -75,7 +75,7 @@ class _OffsetSlew:
     start_ns: int
     end_ns: int
 
-    def at(self, local_ns: int) -> int:
+    def compute_offset(self, local_ns: int) -> int:
         """Returns the offset at a local time."""
         limit = round(MAX_SLEW * max(local_ns - self.since_ns, 0))
         return self.start_ns + min(max(self.end_ns - self.start_ns, -limit), limit)
@@ -111,7 +111,7 @@ class ClockSync:
     def offset_ns(self, local_ns: int) -> int:
         """Returns edge time minus local time in nanoseconds, at a local time. Returns 0 if the offset is not
         known yet."""
-        return 0 if self._slew is None else self._slew.at(local_ns)
+        return 0 if self._slew is None else self._slew.compute_offset(local_ns)
 
     def take_due_probe(self, local_ns: int) -> bool:
         """Returns True if a probe must be sent now, and counts this probe. Also ends a burst when its time is
@@ -170,7 +170,7 @@ class ClockSync:
         if self._slew is None:
             self._slew = _OffsetSlew(now, best.offset_ns, best.offset_ns)
             return
-        current = self._slew.at(now)
+        current = self._slew.compute_offset(now)
         error = best.offset_ns - current
         if abs(error) > max(_MAX_SLEWED_NS, round_trip // 2):
             # The old offset is outside the possible range, so one of the clocks was set.

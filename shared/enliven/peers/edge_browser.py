@@ -17,7 +17,7 @@ from enliven.keys.key_files import KeyStore
 from enliven.peers.announcement import (
     SERVICE_TYPE,
     Announcement,
-    missing_discovery_reason,
+    find_missing_discovery_reason,
     parse_announcement,
 )
 from enliven.wire import Endpoint
@@ -91,7 +91,7 @@ class EdgeBrowser:
     """
 
     def __init__(self, interfaces: list[str] | None = None) -> None:
-        problem, _, remedy = missing_discovery_reason().partition(". ")
+        problem, _, remedy = find_missing_discovery_reason().partition(". ")
         if problem:
             raise ResourceError(problem, where="search for edges", remedy=f"{remedy}.")
         from zeroconf import InterfaceChoice, ServiceBrowser, Zeroconf

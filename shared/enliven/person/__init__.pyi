@@ -19,7 +19,7 @@ from .human_pose import (
     human_of_body as human_of_body,
     orientations_of_joints as orientations_of_joints,
     parent_name as parent_name,
-    standing_offset as standing_offset,
+    compute_standing_offset as compute_standing_offset,
 )
 from .unity_axes import (
     from_unity_position as from_unity_position,

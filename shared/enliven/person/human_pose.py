@@ -70,10 +70,10 @@ class HumanPose:
     @property
     def parents(self) -> Int:
         """(B,) the nearest ancestor of each bone in ``bones``, -1 for the hips."""
-        return nearest_ancestors(self.bones)
+        return find_nearest_ancestors(self.bones)
 
     @staticmethod
-    def ordered(bones: Iterable[str]) -> list[str]:
+    def sort_bones(bones: Iterable[str]) -> list[str]:
         """Returns the given bones in the order of the humanoid, parents first. Unknown names are left out."""
         return sorted((bone for bone in bones if bone in _PARENT_NAMES), key=list(_PARENT_NAMES).index)
 
@@ -95,14 +95,14 @@ class HumanPose:
         offsets = self.positions - np.where(root[:, None], 0.0, self.positions[parents])
         return rotate(inverse_turns, offsets), multiply(inverse_turns, self.turns)
 
-    def at(self, bone: str) -> tuple[Float, Float]:
+    def get_bone(self, bone: str) -> tuple[Float, Float]:
         """Returns the position (3,) and the rotation (4,) of a bone, which must exist in the pose."""
         number = self.bones.index(bone)
         return self.positions[number], self.turns[number]
 
 
 @cache
-def nearest_ancestors(bones: tuple[str, ...]) -> Int:
+def find_nearest_ancestors(bones: tuple[str, ...]) -> Int:
     """Returns the number (B,) of the nearest existing ancestor of each bone, -1 if there is none."""
     numbers = {bone: number for number, bone in enumerate(bones)}
     parents = np.full(len(bones), -1)
@@ -118,9 +118,9 @@ def parent_name(bone: str) -> str:
     """Returns the parent of a bone in Unity's humanoid, or an empty string for the hips."""
     if bone in _PARENT_NAMES:
         return _PARENT_NAMES[bone]
-    for before, after in pairwise(FINGER_BONES):
-        if bone.endswith(after):
-            return bone.removesuffix(after) + before
+    for parent, child in pairwise(FINGER_BONES):
+        if bone.endswith(child):
+            return bone.removesuffix(child) + parent
     return "LeftHand" if bone.startswith("Left") else "RightHand"
 
 
@@ -220,7 +220,7 @@ _HAND_LENGTH_M = 0.085
 """Distance from the wrist to the middle of the hand of an average person, metres."""
 
 
-def standing_offset(bone: str, parent: str, height: float) -> Float:
+def compute_standing_offset(bone: str, parent: str, height: float) -> Float:
     """Returns the offset from a parent bone to a bone in the T-pose of an average person, (3,) in metres.
 
     Args:
@@ -243,15 +243,17 @@ def body_from_human_pose(human: HumanPose, id: int) -> Body:
         for upper, lower in (("UpperLeg", "LowerLeg"), ("LowerLeg", "Foot"), ("UpperArm", "LowerArm")):
             if f"{side}{upper}" in places and f"{side}{lower}" in places:
                 length = np.linalg.norm(places[f"{side}{upper}"] - places[f"{side}{lower}"])
-                usual = np.linalg.norm(standing_offset(f"{side}{lower}", f"{side}{upper}", 1.0))
+                usual = np.linalg.norm(compute_standing_offset(f"{side}{lower}", f"{side}{upper}", 1.0))
                 sizes.append(float(length / usual))
     height = float(np.median(sizes)) if sizes else _REFERENCE_HEIGHT_M
     scale = height / _REFERENCE_HEIGHT_M
     present = set(places)
-    for bone in HumanPose.ordered(_PARENT_NAMES):
+    for bone in HumanPose.sort_bones(_PARENT_NAMES):
         if bone not in places:
             parent = next(above for above in HumanPose.ancestors(bone) if above in places)
-            places[bone] = places[parent] + rotate(turns[parent], standing_offset(bone, parent, height))
+            places[bone] = places[parent] + rotate(
+                turns[parent], compute_standing_offset(bone, parent, height)
+            )
             turns[bone] = turns[parent]
     joints, confidence = np.empty((len(Joint), 3)), np.zeros(len(Joint))
     orientations = np.empty((len(Joint), 4))

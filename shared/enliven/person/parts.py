@@ -17,7 +17,7 @@ def _limb_joints(side: str, *names: str) -> frozenset[Joint]:
     return frozenset(Joint[f"{name}_{side.upper()}"] for name in names)
 
 
-def _sided_parts() -> dict[str, frozenset[Joint]]:
+def _make_sided_parts() -> dict[str, frozenset[Joint]]:
     """Returns the parts that exist on both sides of the body, with their joints."""
     parts: dict[str, frozenset[Joint]] = {}
     for side in _SIDES:
@@ -31,8 +31,8 @@ def _sided_parts() -> dict[str, frozenset[Joint]]:
     return parts
 
 
-def _all_parts() -> dict[str, frozenset[Joint]]:
-    sided = _sided_parts()
+def _list_all_parts() -> dict[str, frozenset[Joint]]:
+    sided = _make_sided_parts()
     torso = frozenset({Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD})
     arms, legs = sided["left arm"] | sided["right arm"], sided["left leg"] | sided["right leg"]
     hip = frozenset({Joint.HIP_CENTER})
@@ -57,7 +57,7 @@ def _all_parts() -> dict[str, frozenset[Joint]]:
     }
 
 
-PARTS: dict[str, frozenset[Joint]] = _all_parts()
+PARTS: dict[str, frozenset[Joint]] = _list_all_parts()
 """The joints of each body part by name, such as "left arm" or "upper body" (KinÊtre). A bone belongs to its
 child joint."""
 

@@ -15,4 +15,4 @@ from .preparation import (
     prepare_for_actor as prepare_for_actor,
 )
 from .replaying import replay as replay, settings_from_possession as settings_from_possession
-from .likeness.standing_person import standing_figure as standing_figure
+from .likeness.standing_person import make_standing_figure as make_standing_figure

@@ -23,15 +23,15 @@ from enliven.possession.attachment.performer_attachment import (
     attach_within_reach,
     depth_below_floor,
     join_constraints,
-    out_of_reach_error,
+    make_out_of_reach_error,
 )
 from enliven.possession.easing.follow_through import FollowThrough, node_stiffness
 from enliven.possession.easing.pose_approach import PoseApproach
 from enliven.possession.easing.pose_blend import PoseBlend
 from enliven.possession.highlights import Cues, make_cues
 from enliven.possession.likeness.skeleton import BodyInMesh
-from enliven.possession.likeness.standing_person import standing_figure
-from enliven.possession.placement import AS_MODELLED, Placement, nearest_placement
+from enliven.possession.likeness.standing_person import make_standing_figure
+from enliven.possession.placement import AS_MODELLED, Placement, find_nearest_placement
 from enliven.possession.placement_rules import PlacementRules
 from enliven.possession.soft_constraints import SoftConstraints
 
@@ -124,10 +124,10 @@ class EmbeddedActor(Actor):
             body, parts, others if earlier_hold is None else [earlier_hold, *others]
         )
         if not len(grip.attachment):
-            state = self._shown_at_rest()
+            state = self._is_shown_at_rest()
             nodes = self.graph.positions if state is None else state[1]
             comes = not (others or earlier_hold is not None or self._is_stationary)
-            raise out_of_reach_error(self.character.id, self.settings, body, grip, nodes, comes=comes)
+            raise make_out_of_reach_error(self.character.id, self.settings, body, grip, nodes, comes=comes)
         new = PerformerAttachment(body.id, [grip], self._time_ns, depth=depth_below_floor(body))
         hold = new if earlier_hold is None else earlier_hold.with_attachment(grip)
         continues = others or earlier_hold is not None or self._is_stationary
@@ -157,7 +157,9 @@ class EmbeddedActor(Actor):
         elif self.holds:
             if self._easing.shown is not None:
                 shown_positions = self._easing.shown[1]
-                self._placement = nearest_placement(self._placement, self.graph.positions, shown_positions)
+                self._placement = find_nearest_placement(
+                    self._placement, self.graph.positions, shown_positions
+                )
             self.holds, self._solver = [], None
             self._swing.restart()
             self._easing.restart_fade()
@@ -202,13 +204,13 @@ class EmbeddedActor(Actor):
             seen: by body id, the part of the performer's surface that a depth sensor sees.
         """
         if not self._placed and bodies and not self.holds:
-            place, self._placed = self._rules.waiting_placement(bodies[0], self.aside), True
+            place, self._placed = self._rules.compute_waiting_placement(bodies[0], self.aside), True
             self._placement = self._display_placement(place)
             self._easing.restart()
         self._hand_over(bodies, time_ns)
         self._update_holds(bodies, time_ns)
         self._ease_into_pose(bodies, time_ns)
-        world = self._placement.state_to_world(*self._solved_state(bodies, seen or {}, time_ns))
+        world = self._placement.state_to_world(*self._solve_state(bodies, seen or {}, time_ns))
         self._easing.turn_along(self._turned)
         linear, positions = self._easing(*world, time_ns)
         self._time_ns = time_ns
@@ -237,7 +239,7 @@ class EmbeddedActor(Actor):
         rehearsal = EmbeddedActor(self.character, self.graph, self.settings)
         # Reuse the placement rules, because they already contain the result of the slow skeleton search.
         rehearsal._rules = self._rules
-        body = Body(0, standing_figure(), np.ones(J))
+        body = Body(0, make_standing_figure(), np.ones(J))
         rehearsal.perform([body], 0)
         rehearsal.cues([body])
         try:
@@ -268,18 +270,20 @@ class EmbeddedActor(Actor):
         """
         deformed = None
         if (self.holds or self._easing.is_active) and (others or self._is_stationary):
-            deformed = self._shown_at_rest()
+            deformed = self._is_shown_at_rest()
         earlier = [hold.attachments[0].rest_transform for hold in others]
         own_transform = next(
             (hold.attachments[0].rest_transform for hold in self.holds if hold.body == body.id), None
         )
-        for rest_transform in self._rules.rest_transforms(body, self._placement, earlier, own_transform):
+        for rest_transform in self._rules.compute_rest_transforms(
+            body, self._placement, earlier, own_transform
+        ):
             grip = attach_within_reach(self.graph, self.settings, body, parts, rest_transform, deformed)
             if len(grip.attachment):
                 break
         return grip
 
-    def _shown_at_rest(self) -> tuple[Float, Float] | None:
+    def _is_shown_at_rest(self) -> tuple[Float, Float] | None:
         """Returns the displayed nodes, transformed to the rest space. Performers attach to the displayed
         mesh.
         """
@@ -347,7 +351,7 @@ class EmbeddedActor(Actor):
             self._swing.restart()
             self._easing.restart_fade()
 
-    def _solved_state(
+    def _solve_state(
         self, bodies: list[Body], seen: Mapping[int, ObservedPoints], time_ns: int
     ) -> tuple[Float, Float]:
         """Returns (N, 3, 3) linear parts and (N, 3) positions in the rest space. If no attached performer is
@@ -358,12 +362,12 @@ class EmbeddedActor(Actor):
         floor = float(self._placement.to_rest(np.zeros(3))[1])
         if self._approach is not None:
             approach_body = next((body for body in bodies if body.id == self._approach.body), None)
-            linear, positions = self._approach.at(approach_body, time_ns)
+            linear, positions = self._approach.advance(approach_body, time_ns)
         else:
-            linear, positions = self._held_state(seen, floor, time_ns)
+            linear, positions = self._find_held_state(seen, floor, time_ns)
         return self._soft.lift_out_of_floor(linear, self._swing(positions, time_ns), floor)
 
-    def _held_state(
+    def _find_held_state(
         self, seen: Mapping[int, ObservedPoints], floor: float, time_ns: int
     ) -> tuple[Float, Float]:
         """Solves the state of the mesh that the attached performers deform."""
@@ -374,8 +378,8 @@ class EmbeddedActor(Actor):
         if self.settings.follow == "surface":
             unseen = [hold.body not in seen for hold in self.holds]
             hold_targets = [
-                (where, pulls * fraction)
-                for (where, pulls), fraction in zip(hold_targets, unseen, strict=True)
+                (node_numbers, pulls * fraction)
+                for (node_numbers, pulls), fraction in zip(hold_targets, unseen, strict=True)
             ]
         targets, pulls = (np.concatenate(part) for part in zip(*hold_targets, strict=True))
         seconds = max(time_ns - self._time_ns, 0) * 1e-9

@@ -106,7 +106,7 @@ def body_yaw(body: Body) -> float:
     return float(np.arctan2(-left[2], left[0]))
 
 
-def nearest_placement(placement: Placement, rest: Float, shown: Float) -> Placement:
+def find_nearest_placement(placement: Placement, rest: Float, shown: Float) -> Placement:
     """Returns the placement that best fits the current mesh. It differs from ``placement`` only by a rotation
     about +Y and a move over the floor.
 

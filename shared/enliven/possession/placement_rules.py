@@ -68,7 +68,7 @@ class PlacementRules:
         if settings.how != "mapped" and not needs_person_search(settings):
             return None
         if settings.joints:
-            return BodyInMesh.known(_joint_array(settings.joints, self._character.id))
+            return BodyInMesh.from_joints(_joint_array(settings.joints, self._character.id))
         mesh = Mesh(self._character.vertices.astype(np.float64), self._character.faces, self._character.id)
         if settings.how == "mapped":
             return find_body_in_mesh(mesh, self._graph, ends)
@@ -101,7 +101,7 @@ class PlacementRules:
         scale = settings.height_ratio * PERSON_HEIGHT_M / self.height
         return metres / (self.size if settings.scaled == "nobody" else scale)
 
-    def waiting_placement(self, body: Body, farther: float = 0.0) -> Placement:
+    def compute_waiting_placement(self, body: Body, farther: float = 0.0) -> Placement:
         """Returns the placement of a mesh that waits for its first performer, moved to the left by an
         additional ``farther`` metres.
         """
@@ -119,7 +119,7 @@ class PlacementRules:
             body, self._performer_scale(body) if scales_mesh else self.size, self.stand, front
         )
 
-    def rest_transforms(
+    def compute_rest_transforms(
         self,
         body: Body,
         placement: Placement,

@@ -19,7 +19,7 @@ from enliven.possession.likeness.standing_person import (
     PERSON_HEIGHT_M,
     TRUNK_JOINTS,
     fit_standing_person,
-    standing_figure,
+    make_standing_figure,
 )
 from enliven.possession.placement import rotation_about_y
 from enliven.similarity import fit_similarity
@@ -109,7 +109,7 @@ def prepare_mesh(
     mesh = fit_height(mesh, PERSON_HEIGHT_M)
     if settings.stand == "fitted":
         if joints is not None and len(joints):
-            person = BodyInMesh.known(apply_vertex_motion(joints, vertices, mesh.vertices))
+            person = BodyInMesh.from_joints(apply_vertex_motion(joints, vertices, mesh.vertices))
         else:
             person = find_person_in_mesh(mesh, mesh.vertices[list(ends)])
         if person is not None and (person.is_certain or len(ends)):
@@ -140,5 +140,5 @@ def _align_with_figure(mesh: Mesh, person: BodyInMesh) -> Mesh:
     """
     rotation_matrix = rotation_about_y(person.yaw)
     trunk = (person.joints @ rotation_matrix)[TRUNK_JOINTS].mean(0)
-    offset = standing_figure()[TRUNK_JOINTS].mean(0) - trunk
+    offset = make_standing_figure()[TRUNK_JOINTS].mean(0) - trunk
     return replace(mesh, vertices=mesh.vertices @ rotation_matrix + offset * [1.0, 0.0, 1.0])

@@ -14,7 +14,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
-from enliven.errors import InputError, plain_reason
+from enliven.errors import InputError, find_plain_reason
 
 RECORD = struct.Struct("<BQ")
 """The header of a record: its kind and its length."""
@@ -77,12 +77,12 @@ def read_chunk(file: BinaryIO, ref: ChunkRef) -> list[Any]:
         if opcode != Opcode.CHUNK or length + RECORD.size != len(data):
             raise Damage("no chunk begins at the position of a chunk")
         chunk = records.Chunk.read(ReadDataStream(BytesIO(data[RECORD.size :])))
-        content = _decompressed_chunk(chunk)
+        content = _decompress_chunk(chunk)
         if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
             raise Damage("a chunk's checksum is wrong")
         return _chunk_contents(content, min(_MAX_RECORDS, _MIN_CHUNK_RECORD_LIMIT + len(chunk.data)))
     except DAMAGE as error:
-        raise Damage(plain_reason(error)) from None
+        raise Damage(find_plain_reason(error)) from None
     except _DecompressionBombError as error:
         where = f"{getattr(file, 'name', 'recording')}, byte {ref.offset}"
         remedy = "Get a new copy of the recording. No recorder writes such a part."
@@ -93,7 +93,7 @@ class _DecompressionBombError(Exception):
     """A small chunk that decompresses to a very large size (decompression bomb)."""
 
 
-def _decompressed_chunk(chunk: Any) -> bytes:
+def _decompress_chunk(chunk: Any) -> bytes:
     size, packed_bytes = chunk.uncompressed_size, len(chunk.data)
     if chunk.compression == "":
         return bytes(chunk.data)
@@ -112,24 +112,24 @@ def _chunk_contents(content: bytes, max_records: int) -> list[Any]:
     """Returns the messages, schemas and channels in the content of a chunk of at most ``max_records``
     records."""
     contents: list[Any] = []
-    at = count = 0
-    while at < len(content):
+    offset = count = 0
+    while offset < len(content):
         count += 1
         if count > max_records:
             raise _DecompressionBombError(
                 f"a part has more than {max_records} records in {len(content)} bytes"
             )
-        opcode, length = RECORD.unpack_from(content, at)
-        start = at + RECORD.size
-        at = start + length
-        if at > len(content) or (opcode == Opcode.MESSAGE and length < _MESSAGE_HEADER.size):
+        opcode, length = RECORD.unpack_from(content, offset)
+        start = offset + RECORD.size
+        offset = start + length
+        if offset > len(content) or (opcode == Opcode.MESSAGE and length < _MESSAGE_HEADER.size):
             raise Damage("a record reaches beyond its chunk, or is too short")
         if opcode == Opcode.MESSAGE:
             channel, sequence, logged, published = _MESSAGE_HEADER.unpack_from(content, start)
-            data = content[start + _MESSAGE_HEADER.size : at]
+            data = content[start + _MESSAGE_HEADER.size : offset]
             contents.append(records.Message(channel, logged, data, published, sequence))
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            contents.append(parse_record(opcode, content[start:at]))
+            contents.append(parse_record(opcode, content[start:offset]))
     return contents
 
 

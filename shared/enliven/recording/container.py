@@ -81,7 +81,7 @@ def open_container(path: Path) -> Container:
     with open_file(path) as file:
         start = file.read(len(MAGIC))
         if start != MAGIC:
-            raise _foreign_file_error(path, start)
+            raise _make_foreign_file_error(path, start)
         size = file.seek(0, 2)
         try:
             return _read_indexed(path, file, size)
@@ -156,24 +156,24 @@ def _add_indexed(container: Container, record: Any, file: BinaryIO, size: int) -
 def _scan_records(path: Path, file: BinaryIO, size: int) -> Container:
     """Reads the container of a truncated file: all complete records from its start."""
     container = Container(path)
-    at = len(MAGIC)
-    while at + RECORD.size <= size:
-        file.seek(at)
+    offset = len(MAGIC)
+    while offset + RECORD.size <= size:
+        file.seek(offset)
         opcode, length = RECORD.unpack(file.read(RECORD.size))
-        end = at + RECORD.size + length
+        end = offset + RECORD.size + length
         if opcode == 0 or end > size:
             break
         if opcode == Opcode.CHUNK:
-            _add_scanned(container, file, at, end - at)
+            _add_scanned(container, file, offset, end - offset)
         elif opcode in SMALL_RECORDS and length <= _MAX_SMALL_RECORD_BYTES:
             try:
                 container.add(parse_record(opcode, file.read(length)))
             except DAMAGE:
                 container.damaged_chunks += 1
-        at = end
+        offset = end
         if opcode in (Opcode.DATA_END, Opcode.FOOTER):
             break
-    container.cut_at = at
+    container.cut_at = offset
     return container
 
 
@@ -204,17 +204,17 @@ def _read_record(file: BinaryIO, size: int) -> Any:
 
 def _parse_summary(data: bytes) -> list[Any]:
     """Returns those records of a summary section that this module uses."""
-    summary_records, at = [], 0
-    while at < len(data):
-        opcode, length = RECORD.unpack_from(data, at)
-        at += RECORD.size
+    summary_records, offset = [], 0
+    while offset < len(data):
+        opcode, length = RECORD.unpack_from(data, offset)
+        offset += RECORD.size
         if opcode in SMALL_RECORDS:
-            summary_records.append(parse_record(opcode, data[at : at + length]))
-        at += length
+            summary_records.append(parse_record(opcode, data[offset : offset + length]))
+        offset += length
     return summary_records
 
 
-def _foreign_file_error(path: Path, start: bytes) -> InputError:
+def _make_foreign_file_error(path: Path, start: bytes) -> InputError:
     problem = "the file is empty" if not start else "the file is not a recording (MCAP file)"
     remedy = (
         "Record again."

@@ -63,21 +63,21 @@ def unpack_depth(data: bytes) -> DepthFrame:
     if len(data) < _DEPTH_HEADER.size:
         raise _damage_error("it is too short")
     _, flags, name_size, depth_size, time_ns, *lens = _DEPTH_HEADER.unpack_from(data)
-    at = _DEPTH_HEADER.size + name_size
+    offset = _DEPTH_HEADER.size + name_size
     pose_size = 128 if flags & _POSE_FLAG else 0
     end = len(data) - (_SEQUENCE.size if flags & _SEQUENCE_FLAG else 0)
-    if at + pose_size + depth_size > end:
+    if offset + pose_size + depth_size > end:
         raise _damage_error("it ends too early")
     try:
-        sensor = data[_DEPTH_HEADER.size : at].decode()
+        sensor = data[_DEPTH_HEADER.size : offset].decode()
     except UnicodeDecodeError:
         raise _damage_error("the sensor's identity is not UTF-8") from None
     pose: Float | None = None
     if pose_size:
-        pose = np.frombuffer(data, "<f8", 16, at).reshape(4, 4).astype(np.float64)
-    at += pose_size
-    depth = decode_depth(data[at : at + depth_size])
-    colour = _unpack_colour(data[at + depth_size : end]) if flags & _COLOUR_FLAG else None
+        pose = np.frombuffer(data, "<f8", 16, offset).reshape(4, 4).astype(np.float64)
+    offset += pose_size
+    depth = decode_depth(data[offset : offset + depth_size])
+    colour = _unpack_colour(data[offset + depth_size : end]) if flags & _COLOUR_FLAG else None
     sequence = _SEQUENCE.unpack_from(data, end)[0] if flags & _SEQUENCE_FLAG else None
     distortion = (lens[4], lens[5], lens[6], lens[7], lens[8])
     camera = Intrinsics(depth.shape[1], depth.shape[0], lens[0], lens[1], lens[2], lens[3], distortion)
@@ -143,12 +143,12 @@ def _body_fields(body: Body) -> dict[str, Any]:
     turns = body.orientations
     fields: dict[str, Any] = {
         "id": int(body.id),
-        "joints": _shaped_values(body.joints, (J, 3)).tolist(),
-        "confidence": _shaped_values(body.confidence, (J,)).tolist(),
-        "orientations": None if turns is None else _shaped_values(turns, (J, 4)).tolist(),
+        "joints": _shape_values(body.joints, (J, 3)).tolist(),
+        "confidence": _shape_values(body.confidence, (J,)).tolist(),
+        "orientations": None if turns is None else _shape_values(turns, (J, 4)).tolist(),
     }
     if body.contacts is not None:
-        fields["contacts"] = _shaped_values(body.contacts, (2,)).tolist()
+        fields["contacts"] = _shape_values(body.contacts, (2,)).tolist()
     if body.stature is not None:
         fields["stature"] = float(body.stature)
     return fields
@@ -172,15 +172,15 @@ def _decode_body(message: _BodyMessage) -> Body:
     turns = message.orientations
     return Body(
         message.id,
-        _shaped_values(message.joints, (J, 3)),
-        _shaped_values(message.confidence, (J,)),
-        None if turns is None else _shaped_values(turns, (J, 4)),
-        None if message.contacts is None else _shaped_values(message.contacts, (2,)),
+        _shape_values(message.joints, (J, 3)),
+        _shape_values(message.confidence, (J,)),
+        None if turns is None else _shape_values(turns, (J, 4)),
+        None if message.contacts is None else _shape_values(message.contacts, (2,)),
         message.stature,
     )
 
 
-def _shaped_values(values: AnyArray | list[Any], shape: tuple[int, ...]) -> Float:
+def _shape_values(values: AnyArray | list[Any], shape: tuple[int, ...]) -> Float:
     """Converts ``values`` to a float64 array of this shape. None becomes NaN."""
     array = np.asarray(values, np.float64)
     if array.shape != shape:

@@ -122,7 +122,7 @@ def recover(path: Path, output: Path) -> Recovery:
             output.unlink(missing_ok=True)
             raise
     if container.complete:
-        recovery.lost = _stated_counts(container) - recovery.kept
+        recovery.lost = _read_stated_counts(container) - recovery.kept
     return recovery
 
 
@@ -181,11 +181,12 @@ def _candidate_chunks(container: Container, file: BinaryIO) -> list[ChunkRef]:
     size = file.seek(0, 2)
     for first, data in _file_blocks(file, size):
         for match in _CHUNK_START_PATTERN.finditer(data):
-            at, name = match.start(), len(match[1])
+            chunk_offset, name = match.start(), len(match[1])
             content_bytes, start, end, content = (
-                int.from_bytes(data[at + field : at + field + 8], "little") for field in (1, 9, 17, 37 + name)
+                int.from_bytes(data[chunk_offset + field : chunk_offset + field + 8], "little")
+                for field in (1, 9, 17, 37 + name)
             )
-            offset, length = first + at, _HEAD_BYTES + content_bytes
+            offset, length = first + chunk_offset, _HEAD_BYTES + content_bytes
             is_chunk = content_bytes == _FIXED_BYTES + name + content and offset + length <= size
             if is_chunk and offset not in refs:
                 refs[offset] = ChunkRef(offset, length, start, end)
@@ -223,20 +224,20 @@ def _read_chunks(file: BinaryIO, refs: list[ChunkRef]) -> Iterator[tuple[ChunkRe
 
 def _has_only_small_records(file: BinaryIO, start: int, end: int) -> bool:
     """Returns True if there are only small records between two offsets of the file."""
-    at = start
-    while at + _HEAD_BYTES <= end:
-        file.seek(at)
+    offset = start
+    while offset + _HEAD_BYTES <= end:
+        file.seek(offset)
         try:
             head = file.read(_HEAD_BYTES)
         except ResourceError:
             return False
         if head[0] not in _RECORDS_BETWEEN_CHUNKS and head[0] != Opcode.HEADER:
             return False
-        at += _HEAD_BYTES + int.from_bytes(head[1:], "little")
-    return at == end
+        offset += _HEAD_BYTES + int.from_bytes(head[1:], "little")
+    return offset == end
 
 
-def _stated_counts(container: Container) -> Counter[str]:
+def _read_stated_counts(container: Container) -> Counter[str]:
     """Returns the number of messages by topic according to the recording's own index."""
     counts: Counter[str] = Counter()
     for number, count in container.counts.items():

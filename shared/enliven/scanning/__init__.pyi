@@ -7,7 +7,7 @@ from .ground_plane import (
     cut_out as cut_out,
     find_ground as find_ground,
     find_focus as find_focus,
-    largest_part as largest_part,
+    find_largest_part as find_largest_part,
     level_mesh as level_mesh,
     find_parts as find_parts,
 )

@@ -95,7 +95,7 @@ class DepthPreparation:
 
     def __init__(self, intrinsics: Intrinsics, noise: DepthNoiseModel, near: float, far: float) -> None:
         # Remove the lens distortion here, because the remaining code assumes a pinhole camera.
-        self._straight = _straight_pixels(intrinsics) if any(intrinsics.distortion) else None
+        self._straight = _undistort_pixels(intrinsics) if any(intrinsics.distortion) else None
         self.intrinsics = replace(intrinsics, distortion=(0.0, 0.0, 0.0, 0.0, 0.0))
         ray = pixel_rays(self.intrinsics).astype(np.float32)
         # Without distortion, all rays of a column share the same x, and all rays of a row share the same y.
@@ -152,7 +152,7 @@ class DepthPreparation:
         return DepthView(self.intrinsics, planes, weights, points, normals, worth, tiles, colour)
 
 
-def _straight_pixels(intrinsics: Intrinsics) -> tuple[Int, Int]:
+def _undistort_pixels(intrinsics: Intrinsics) -> tuple[Int, Int]:
     """Returns (H, W) rows and columns of the source pixel for each pixel of an undistorted (pinhole)
     image.
     """

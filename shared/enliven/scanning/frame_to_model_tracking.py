@@ -135,12 +135,12 @@ class CameraTracker:
             if np.linalg.norm(move) < _MIN_ALIGNMENT_STEP:
                 break
         sums = self._normal_equations(view, pose, 0, closely=True)
-        return self._alignment_for(sums, pose, _denoised_close_matrix(sums, self.settings.independent))
+        return self._alignment_for(sums, pose, _denoise_close_matrix(sums, self.settings.independent))
 
     def evaluate(self, view: DepthView, pose: Float) -> Alignment:
         """Evaluates a given pose: returns it with its fit, error and information."""
         sums = self._normal_equations(view, pose, 0)
-        return self._alignment_for(sums, pose, _denoised_matrix(sums))
+        return self._alignment_for(sums, pose, _denoise_matrix(sums))
 
     def _alignment_for(self, sums: Float, pose: Float, true_matrix: Float) -> Alignment:
         """Returns the alignment for the sums (SUMS,) at a pose. ``true_matrix`` (6, 6) is the normal matrix
@@ -216,7 +216,7 @@ def _normal_matrix(sums: Float) -> Float:
     return np.asarray(matrix + matrix.T - np.diag(np.diag(matrix)))
 
 
-def _denoised_matrix(sums: Float) -> Float:
+def _denoise_matrix(sums: Float) -> Float:
     """Returns the (6, 6) normal matrix minus the part that the noise of the slopes alone adds to it.
 
     Slopes are measured, and a sum of their products is too large by the sum of their variances (errors in
@@ -238,7 +238,7 @@ def _denoised_matrix(sums: Float) -> Float:
     return np.asarray(matrix - _slope_variance(sums[MOMENT_COUNT + 9 : SQUARE_COUNT]) * (isotropic - matrix))
 
 
-def _denoised_close_matrix(sums: Float, independent: float) -> Float:
+def _denoise_close_matrix(sums: Float, independent: float) -> Float:
     """Returns the (6, 6) matrix of products of slopes and normals, minus the noise that remains in its sums.
     ``independent`` is the fraction of the points that have independent noise.
     """

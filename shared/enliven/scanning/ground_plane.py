@@ -169,7 +169,7 @@ def cut_whole_part(mesh: Mesh, ground: GroundPlane, settings: CutOutSettings | N
 
     The result is upright, on y = 0. Holes with short rims are closed.
     """
-    part = level_mesh(largest_component(mesh), ground)
+    part = level_mesh(find_largest_component(mesh), ground)
     part.vertices[:, 1] -= part.vertices[:, 1].min()
     return close_holes(part, np.zeros(len(part.vertices), bool), settings or CutOutSettings())
 
@@ -197,7 +197,7 @@ def find_parts(
     ]
 
 
-def largest_component(mesh: Mesh) -> Mesh:
+def find_largest_component(mesh: Mesh) -> Mesh:
     """Returns the connected part of a mesh with the most surface."""
     if not len(mesh.faces):
         return mesh
@@ -207,11 +207,11 @@ def largest_component(mesh: Mesh) -> Mesh:
     )
 
 
-def largest_part(mesh: Mesh) -> Mesh:
+def find_largest_part(mesh: Mesh) -> Mesh:
     """Returns the connected part with the most surface, standing on y = 0, with its bounding box centred on x
     and z.
     """
-    part = largest_component(mesh)
+    part = find_largest_component(mesh)
     up = np.array([0.0, 1.0, 0.0])
     return level_mesh(part, GroundPlane(up, float(part.vertices[:, 1].min()), 0.0))
 

@@ -43,7 +43,7 @@ class Keyframes:
         self._poses.append(world_from_camera.copy())
         return True
 
-    def nearest(self, view: DepthView, count: int) -> list[Float]:
+    def find_nearest(self, view: DepthView, count: int) -> list[Float]:
         """Returns the (4, 4) poses of the most similar images, most similar first."""
         reduced = reduce_view(view)
         differences = image_differences(reduced, self._small)
@@ -80,5 +80,9 @@ def reduce_view(view: DepthView) -> Float32:
     inverse = np.where(is_known, 1.0 / np.where(is_known, depth.reshape(-1), 1.0), 0.0)
     total = np.bincount(cell, inverse, _ROWS * _COLUMNS)
     counts = np.bincount(cell, is_known, _ROWS * _COLUMNS)
-    enough = counts * 4 > np.bincount(cell, minlength=_ROWS * _COLUMNS)
-    return np.where(enough, total / np.maximum(counts, 1), 0.0).astype(np.float32).reshape(_ROWS, _COLUMNS)
+    has_enough_pixels = counts * 4 > np.bincount(cell, minlength=_ROWS * _COLUMNS)
+    return (
+        np.where(has_enough_pixels, total / np.maximum(counts, 1), 0.0)
+        .astype(np.float32)
+        .reshape(_ROWS, _COLUMNS)
+    )

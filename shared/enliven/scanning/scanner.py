@@ -178,7 +178,7 @@ class Scanner:
         view, aside = self.prepare_view(frame), aside or ExcludedPixels()
         self.view = view
         if aside.moving is not None:
-            view, frame = restrict_view(view, ~aside.moving), _without_pixels(frame, aside.moving)
+            view, frame = restrict_view(view, ~aside.moving), _remove_pixels(frame, aside.moving)
         if view.known < self.settings.least_depth:
             return ScanStep(ScanState.EMPTY, self._pose)
         if not self.poses:
@@ -189,7 +189,7 @@ class Scanner:
             return self._fuse_image(frame, view, self._pose, None, up)
         if self._state in (ScanState.LOST, ScanState.EMPTY):
             return self._relocalize(view, up)
-        alignment = self._tracked_alignment(view, up, aside.doubtful)
+        alignment = self._track_alignment(view, up, aside.doubtful)
         self._state = (
             ScanState.LOST if self._is_too_far(alignment, frame.time_ns) else self._classify(alignment)
         )
@@ -263,7 +263,7 @@ class Scanner:
             keyframes.offer(view, poses[number])
         return volumes, keyframes
 
-    def surface(self, since: int = 0) -> Mesh:
+    def extract_surface(self, since: int = 0) -> Mesh:
         """Returns the scanned surface, metres, world, from the images with number ``since`` or later."""
         if not since:
             return extract_surface(self.volumes[0])
@@ -273,14 +273,14 @@ class Scanner:
                 volume.integrate(self.prepare_view(frame), self.poses[number][1])
         return extract_surface(volume)
 
-    def thing(self) -> Mesh:
+    def extract_object(self) -> Mesh:
         """Cuts the object that stands on the floor out of the surface. The result is upright, on y = 0, in
         metres.
 
         Raises:
             InputError: if no floor was scanned, or no object stands on it.
         """
-        surface, cut = self.surface(), self.settings.cut_out
+        surface, cut = self.extract_surface(), self.settings.cut_out
         return cut_out(surface, find_ground(surface), find_focus([p for _, p in self.poses]), cut)
 
     def prepare_view(self, frame: DepthFrame) -> DepthView:
@@ -297,9 +297,7 @@ class Scanner:
         self._prepared = frame, self._camera[1].prepare(frame.depth, colour)
         return self._prepared[1]
 
-    def _tracked_alignment(
-        self, view: DepthView, up: Float | None, doubtful: Bool | None = None
-    ) -> Alignment:
+    def _track_alignment(self, view: DepthView, up: Float | None, doubtful: Bool | None = None) -> Alignment:
         """Aligns an image near the predicted pose, and searches more widely if necessary."""
         predicted = self.predicted_pose
         if doubtful is not None:
@@ -327,7 +325,7 @@ class Scanner:
 
     def _relocalize(self, view: DepthView, up: Float | None) -> ScanStep:
         """Relocalizes a lost camera near its last pose and at similar keyframes."""
-        starts = [self._pose, *self.keyframes.nearest(view, _KEYFRAMES_PER_FRAME)]
+        starts = [self._pose, *self.keyframes.find_nearest(view, _KEYFRAMES_PER_FRAME)]
         alignment = max(
             (self.tracker.align(view, start, up, _VOLUME_COUNT - 1) for start in starts), key=_fit_score
         )
@@ -371,7 +369,7 @@ class Scanner:
         return ScanStep(ScanState.SCANNING, pose, alignment, not self.is_full)
 
 
-def _without_pixels(frame: DepthFrame, excluded: Bool) -> DepthFrame:
+def _remove_pixels(frame: DepthFrame, excluded: Bool) -> DepthFrame:
     """Returns a frame with unknown depth at some half-size pixels (h, w)."""
     height, width = frame.depth.shape
     full_mask = excluded.repeat(2, 0).repeat(2, 1)[:height, :width]

@@ -20,7 +20,7 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.document import Skeleton
 from enliven.skeletons.facing import find_facing, rotate_about_y, separate_words, side_from_name
-from enliven.skeletons.human_names import HumanJoints, HumanLimb, human_joints, longest_branch
+from enliven.skeletons.human_names import HumanJoints, HumanLimb, find_human_joints, find_longest_branch
 from enliven.skeletons.weak_cache import cache_while_alive
 
 _TWIG_WORDS = re.compile(
@@ -226,24 +226,24 @@ def _detect_anatomy(skeleton: Skeleton) -> Anatomy:
 
 def _find_anatomy(skeleton: Skeleton, facing: float) -> Anatomy:
     """Finds the parts of a skeleton with a known heading of its front."""
-    at = _symmetric_positions(
+    positions = _symmetrize_positions(
         rotate_about_y(skeleton.positions - skeleton.positions[0] * [1.0, 0.0, 1.0], -facing)
     )
-    human = human_joints(skeleton)
-    if human is not None and _points_up(at[human.chest] - at[list(_hip_joints(human))].mean(0)):
-        return _anatomy_from_names(skeleton, human, facing, at)
-    children = _major_children(skeleton, at)
+    human = find_human_joints(skeleton)
+    if human is not None and _points_up(positions[human.chest] - positions[list(_hip_joints(human))].mean(0)):
+        return _anatomy_from_names(skeleton, human, facing, positions)
+    children = _find_major_children(skeleton, positions)
     chains = _fork_chains(children)
     limbs = [
-        _separate_hand(_limb_from_chain(chain, at), skeleton, at)
+        _separate_hand(_limb_from_chain(chain, positions), skeleton, positions)
         for chain in chains
         if not children[chain[-1]]
     ]
-    trunk = _trunk_path([chain for chain in chains if children[chain[-1]]], at)
-    pairs, unpaired = _paired_limbs(limbs, at, skeleton.names)
-    head, tail = _head_and_tail(unpaired, at)
+    trunk = _trunk_path([chain for chain in chains if children[chain[-1]]], positions)
+    pairs, unpaired = _find_paired_limbs(limbs, positions, skeleton.names)
+    head, tail = _head_and_tail(unpaired, positions)
     if not any(limb.chain[0] == trunk[-1] for limb in unpaired):
-        trunk, pairs, split_head = _separate_head(trunk, pairs, at)
+        trunk, pairs, split_head = _separate_head(trunk, pairs, positions)
         head = split_head or head
     return Anatomy(facing, trunk, tuple(pairs), head, tail)
 
@@ -267,7 +267,7 @@ def _anatomy_from_names(skeleton: Skeleton, human: HumanJoints, facing: float, a
         range(max(len(path) - 1, 1)), key=lambda k: float(np.linalg.norm(at[path[k]] - hip_centre))
     )
     arms, legs = (
-        tuple(_human_limb(skeleton, fork, limb, grounded, at) for limb in limbs)
+        tuple(_make_human_limb(skeleton, fork, limb, grounded, at) for limb in limbs)
         for fork, limbs, grounded in ((human.chest, human.arms, False), (human.hips, human.legs, True))
     )
     head = None
@@ -280,10 +280,12 @@ def _anatomy_from_names(skeleton: Skeleton, human: HumanJoints, facing: float, a
     return Anatomy(facing, path[trunk_start:], ((arms[0], arms[1]), (legs[0], legs[1])), head, tail)
 
 
-def _human_limb(skeleton: Skeleton, fork: int, limb: HumanLimb, grounded: bool, at: Float) -> SkeletonLimb:
+def _make_human_limb(
+    skeleton: Skeleton, fork: int, limb: HumanLimb, grounded: bool, at: Float
+) -> SkeletonLimb:
     """Returns an arm or leg: the chain from the joint that the pair shares to the end of its hand or foot."""
     path = skeleton.path(fork, limb.knots[-1])
-    chain = path if limb.tip < 0 else (*path, *longest_branch(skeleton, limb.tip))
+    chain = path if limb.tip < 0 else (*path, *find_longest_branch(skeleton, limb.tip))
     knots = tuple(path.index(joint) for joint in limb.knots)
     stop = None if limb.tip < 0 else len(path) - 1
     return SkeletonLimb(chain, knots[0], grounded, _limbs_to_tuples(at[chain[-1]]), stop, knots)
@@ -293,7 +295,7 @@ def _limbs_to_tuples(place: Float) -> tuple[float, float, float]:
     return float(place[0]), float(place[1]), float(place[2])
 
 
-def _symmetric_positions(at: Float) -> Float:
+def _symmetrize_positions(at: Float) -> Float:
     """Returns symmetric joint positions (N, 3): the mean of each joint and its partner's mirror image.
 
     With symmetric positions, all decisions that depend on lengths are the same on both sides.
@@ -306,39 +308,39 @@ def _symmetric_positions(at: Float) -> Float:
     return np.where((mutual & is_near)[:, None], (at + mirrored[partner]) / 2.0, at)
 
 
-def _major_children(skeleton: Skeleton, at: Float) -> list[list[int]]:
+def _find_major_children(skeleton: Skeleton, at: Float) -> list[list[int]]:
     """Returns the children of each joint without twigs. A limb therefore ends at the first joint of a
     finger.
     """
     count, parents = len(skeleton), np.maximum(skeleton.parents, 0)
     lengths = np.linalg.norm(at - at[parents], axis=1)
     has_twig_name = [bool(_TWIG_WORDS.search(separate_words(name))) for name in skeleton.names]
-    reach, way, end = np.zeros(count), np.zeros(count), np.arange(count)
+    reach, path_lengths, end = np.zeros(count), np.zeros(count), np.arange(count)
     for j in range(count - 1, 0, -1):
         up, long = parents[j], reach[j] + lengths[j]
         if long >= reach[up]:
             reach[up], end[up] = long, end[j]
     for j in range(1, count):
-        way[j] = way[parents[j]] + lengths[j]
+        path_lengths[j] = path_lengths[parents[j]] + lengths[j]
     below: list[list[int]] = []
     for j, children in enumerate(skeleton.children):
         branches = []
         for c in children:
             long = reach[c] + lengths[c]
             aside = abs(at[end[c], 0] - at[j, 0]) > _MIN_FORK_FRACTION * long
-            least = max(
+            min_length = max(
                 _MIN_BRANCH_FRACTION * reach[0],
-                (_MIN_SIDE_FORK_FRACTION if aside else _MIN_FORK_FRACTION) * way[j],
+                (_MIN_SIDE_FORK_FRACTION if aside else _MIN_FORK_FRACTION) * path_lengths[j],
             )
-            if (long >= least and not has_twig_name[c]) or len(children) == 1:
+            if (long >= min_length and not has_twig_name[c]) or len(children) == 1:
                 branches.append(c)
         if j > 0 and children and abs(at[j, 0]) > _MAX_FORK_OFFSET * reach[0]:
             branches = [max(children, key=lambda c: reach[c] + lengths[c])]
-        over = j > 0 and (
+        is_fork = j > 0 and (
             (has_twig_name[j] and lengths[j] > _MIN_PALM_LENGTH * reach[0])
             or len(branches) >= _MIN_FORK_BRANCHES
         )
-        below.append([] if over else branches)
+        below.append([] if is_fork else branches)
     return below
 
 
@@ -444,7 +446,7 @@ def _is_sideways(points: Float) -> Bool:
     return np.asarray(is_lateral & (cosines < _MAX_GIRDLE_COSINE) & (np.arange(len(bones)) < len(bones) - 1))
 
 
-def _paired_limbs(
+def _find_paired_limbs(
     limbs: list[SkeletonLimb], at: Float, names: tuple[str, ...]
 ) -> tuple[list[Pair], list[SkeletonLimb]]:
     """Returns the pairs (left, right) from front and top to back and bottom, and the unpaired limbs.

@@ -1,6 +1,6 @@
 """Finds the limbs of a human skeleton from the names of its joints.
 
-    joints = human_joints(skeleton)      # None if the names follow no known convention
+    joints = find_human_joints(skeleton)      # None if the names follow no known convention
     joints.arms[0].knots                 # left shoulder, elbow and wrist
 
 Known conventions: Mixamo, VRM and Unity humanoid, Unreal, Rigify (also its split deform bones), Quaternius,
@@ -112,7 +112,7 @@ class HumanJoints:
     tail: tuple[int, ...] = ()
 
 
-def human_joints(skeleton: Skeleton) -> HumanJoints | None:
+def find_human_joints(skeleton: Skeleton) -> HumanJoints | None:
     """Returns the joints of a person by name, or None if names do not identify two arms and two legs."""
     words = [_split_name(name) for name in skeleton.names]
     arms = [
@@ -121,8 +121,8 @@ def human_joints(skeleton: Skeleton) -> HumanJoints | None:
     legs = [_limb_of_side(skeleton, words, side, _HIP_NAMES, _KNEE_NAMES, _ANKLE_NAMES) for side in (1, -1)]
     if arms[0] is None or arms[1] is None or legs[0] is None or legs[1] is None:
         return None
-    chest = _common_ancestor(skeleton, arms[0].knots[0], arms[1].knots[0])
-    hips = _common_ancestor(skeleton, legs[0].knots[0], legs[1].knots[0])
+    chest = _find_common_ancestor(skeleton, arms[0].knots[0], arms[1].knots[0])
+    hips = _find_common_ancestor(skeleton, legs[0].knots[0], legs[1].knots[0])
     head, head_knots = _head_chain(skeleton, words, chest)
     tail = _tail_chain(skeleton, words, hips)
     return HumanJoints(hips, chest, (arms[0], arms[1]), (legs[0], legs[1]), head, head_knots, tail)
@@ -133,7 +133,7 @@ def finger_joints(skeleton: Skeleton, wrist: int) -> dict[str, tuple[int, ...]]:
 
     The finger "little" is returned as "pinky"."""
     fingers = dict[str, tuple[int, ...]]()
-    for joint in skeleton.below(wrist)[1:]:
+    for joint in skeleton.list_subtree(wrist)[1:]:
         finger = _finger_name(_split_name(skeleton.names[joint])[1])
         path = skeleton.path(wrist, joint)
         if finger and len(path) > len(fingers.get(finger, ())):
@@ -195,23 +195,23 @@ def _limb_of_side(
 ) -> HumanLimb | None:
     """Finds the limb of one side by the names of its joints. Returns None if the names do not occur."""
     for names in middles:
-        middle_joint = _first_named_joint(range(len(words)), words, side, (names,))
+        middle_joint = _find_first_named_joint(range(len(words)), words, side, (names,))
         ancestors = skeleton.path(0, middle_joint)[:-1] if middle_joint >= 0 else ()
-        start_joint = _first_named_joint(ancestors, words, side, starts)
+        start_joint = _find_first_named_joint(ancestors, words, side, starts)
         if start_joint >= 0:
             break
     else:
         return None
-    descendants = skeleton.below(middle_joint)[1:]
-    end_joint = _first_named_joint(descendants, words, side, ends)
+    descendants = skeleton.list_subtree(middle_joint)[1:]
+    end_joint = _find_first_named_joint(descendants, words, side, ends)
     if end_joint < 0:
-        end_joint = _longest_child(skeleton, middle_joint)
+        end_joint = _find_longest_child(skeleton, middle_joint)
     if end_joint < 0:
         return None
     return HumanLimb((start_joint, middle_joint, end_joint), _limb_tip(skeleton, words, end_joint))
 
 
-def _first_named_joint(
+def _find_first_named_joint(
     joints: Iterable[int], words: Sequence[tuple[int, str]], side: int, tiers: Sequence[Sequence[str]]
 ) -> int:
     """Returns the first joint with a matching name. The tiers of names are tried in order, the least
@@ -248,14 +248,14 @@ def _head_chain(
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Returns the chain from the chest to the end of the head, and the joints at which neck and head
     begin."""
-    descendants = skeleton.below(chest)[1:]
-    head = _first_named_joint(descendants, words, 0, _HEAD_NAMES)
+    descendants = skeleton.list_subtree(chest)[1:]
+    head = _find_first_named_joint(descendants, words, 0, _HEAD_NAMES)
     if head < 0:
         return (), ()
     path = skeleton.path(chest, head)
-    neck = _first_named_joint(path[1:-1], words, 0, _NECK_NAMES)
+    neck = _find_first_named_joint(path[1:-1], words, 0, _NECK_NAMES)
     tips = [c for c in skeleton.children[head] if words[c][0] == 0 and words[c][1].endswith(_TIP_WORDS)]
-    tip = tips[0] if tips else _longest_child(skeleton, head)
+    tip = tips[0] if tips else _find_longest_child(skeleton, head)
     knots = (neck, head) if neck >= 0 else (head,)
     return (path if tip < 0 else (*path, tip)), knots
 
@@ -264,10 +264,10 @@ def _tail_chain(skeleton: Skeleton, words: Sequence[tuple[int, str]], hips: int)
     """Returns the chain of a tail that is attached to the hips or above, along its longest branch."""
     candidates = [child for joint in skeleton.path(0, hips) for child in skeleton.children[joint]]
     tails = [joint for joint in candidates if words[joint][0] == 0 and words[joint][1].startswith("tail")]
-    return (int(skeleton.parents[tails[0]]), *longest_branch(skeleton, tails[0])) if tails else ()
+    return (int(skeleton.parents[tails[0]]), *find_longest_branch(skeleton, tails[0])) if tails else ()
 
 
-def longest_branch(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
+def find_longest_branch(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
     """Returns the joints from ``joint`` along the longest branch to its end."""
     chain = [joint]
     while skeleton.children[chain[-1]]:
@@ -275,12 +275,12 @@ def longest_branch(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
     return tuple(chain)
 
 
-def _common_ancestor(skeleton: Skeleton, first: int, second: int) -> int:
+def _find_common_ancestor(skeleton: Skeleton, first: int, second: int) -> int:
     """Returns the nearest common ancestor of two joints."""
     return min(skeleton.path(first, second))
 
 
-def _longest_child(skeleton: Skeleton, joint: int) -> int:
+def _find_longest_child(skeleton: Skeleton, joint: int) -> int:
     """Returns the child of a joint with the longest bone, or -1 for a leaf."""
     return max(skeleton.children[joint], key=lambda child: float(skeleton.lengths[child]), default=-1)
 

@@ -76,11 +76,11 @@ def fit_rigid(source: Float, target: Float, weights: Float, *, upright: bool) ->
     normalised_weights = weights / weights.sum()
     from_centre, to_centre = normalised_weights @ source, normalised_weights @ target
     covariance = (source - from_centre).T @ (normalised_weights[:, None] * (target - to_centre))
-    rotation = _best_rotation_about_up(covariance) if upright else nearest_rotation(covariance.T)
+    rotation = _fit_rotation_about_up(covariance) if upright else nearest_rotation(covariance.T)
     return compose_transform(rotation, to_centre - rotation @ from_centre)
 
 
-def _best_rotation_about_up(covariance: Float) -> Float:
+def _fit_rotation_about_up(covariance: Float) -> Float:
     """Returns the rotation (3, 3) about +Y that best fits a cross-covariance matrix."""
     angle = np.arctan2(covariance[2, 0] - covariance[0, 2], covariance[0, 0] + covariance[2, 2])
     return rotation_from_vector(angle * UP)

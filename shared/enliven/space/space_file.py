@@ -110,7 +110,7 @@ def save_space(path: Path, space: Space, remarks: list[str]) -> Path | None:
     return old
 
 
-def nested_tuples(transform: Float) -> _Rows:
+def convert_to_nested_tuples(transform: Float) -> _Rows:
     """Converts an array (4, 4) to nested tuples."""
     a, b, c, d = (tuple(float(v) for v in row) for row in transform)
     return a, b, c, d  # type: ignore[return-value]

@@ -130,7 +130,7 @@ class PasswordGate:
         self._digest = _hash_password(password.encode())
         self._failures: OrderedDict[str, tuple[int, float]] = OrderedDict()
 
-    def remaining_lockout_s(self, address: str) -> float:
+    def compute_remaining_lockout_s(self, address: str) -> float:
         """Returns the remaining seconds for which an address is locked, or 0 if it is not locked."""
         count, last_s = self._failures.get(_address_network(address), (0, 0.0))
         if count < MAX_FAILURES:
@@ -144,7 +144,7 @@ class PasswordGate:
             True if the password is correct and the address is not locked. A correct password is refused
             during the lock, so that a guess cannot be confirmed.
         """
-        if self.remaining_lockout_s(address) > 0.0:
+        if self.compute_remaining_lockout_s(address) > 0.0:
             return False
         password = _basic_password(authorization)
         if password is not None and hmac.compare_digest(_hash_password(password), self._digest):

@@ -50,7 +50,7 @@ from .fields import (
 from .heartbeat import receive_heartbeat as receive_heartbeat
 from .matches import board_to_message as board_to_message, message_to_board as message_to_board
 from .ports import free_ports as free_ports
-from .posecode import PoseCodec as PoseCodec, spanning_tree as spanning_tree, warm_up as warm_up
+from .posecode import PoseCodec as PoseCodec, find_spanning_tree as find_spanning_tree, warm_up as warm_up
 from .requests import (
     NEEDED_ROLES as NEEDED_ROLES,
     REQUESTS as REQUESTS,

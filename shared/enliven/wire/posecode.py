@@ -73,7 +73,7 @@ class PoseCodec:
             )
         self.character = character.id
         self._pivots: Float = np.ascontiguousarray(character.pivots, np.float64)
-        self._order, self._parents = spanning_tree(self._pivots, character.edges)
+        self._order, self._parents = find_spanning_tree(self._pivots, character.edges)
         self._shared = character.kind == "graph"
         tree = [character.pivots.astype("<f4"), self._order.astype("<i4"), self._parents.astype("<i4")]
         self._check = zlib.crc32(b"".join(a.tobytes() for a in tree)).to_bytes(4, "little")
@@ -130,7 +130,7 @@ def warm_up() -> None:
     _restore_pose(table, pivots, order, parents, False)
 
 
-def spanning_tree(pivots: Float, edges: AnyArray) -> tuple[Int, Int]:
+def find_spanning_tree(pivots: Float, edges: AnyArray) -> tuple[Int, Int]:
     """Returns the minimum spanning tree of pivots (J, 3), metres: the order (J,) in which transforms are
     added to the tree, and the parent (J,) of each transform.
 

@@ -34,17 +34,17 @@ class Endpoint:
     control_port: int = CONTROL_PORT
 
     def __str__(self) -> str:
-        return f"{_bracketed_host(self.host)}:{self.pose_port}:{self.control_port}"
+        return f"{_bracket_host(self.host)}:{self.pose_port}:{self.control_port}"
 
     @property
     def stream_address(self) -> str:
         """The address for a viewer's SUB socket."""
-        return f"tcp://{_bracketed_host(self.host)}:{self.pose_port}"
+        return f"tcp://{_bracket_host(self.host)}:{self.pose_port}"
 
     @property
     def control_address(self) -> str:
         """The address for a viewer's DEALER socket."""
-        return f"tcp://{_bracketed_host(self.host)}:{self.control_port}"
+        return f"tcp://{_bracket_host(self.host)}:{self.control_port}"
 
     def find_keys(self) -> ClientKeys | None:
         """Returns the keys for the edge at this address, or None if this user is not paired with it.
@@ -119,5 +119,5 @@ def make_socket(
     return socket
 
 
-def _bracketed_host(host: str) -> str:
+def _bracket_host(host: str) -> str:
     return f"[{host}]" if ":" in host else host

@@ -195,11 +195,11 @@ class ZmtpSession:
             if have < 9:
                 return None
             (length,), start = struct.unpack_from(">Q", self._bytes, self._at + 1), self._at + 9
-        most = self._most
+        max_bytes = self._most
         if self.channel is not None:
-            most = most + _MIN_SEALED_BYTES if self.is_ready else _MAX_HANDSHAKE_BYTES
-        if length > most:
-            raise ZmtpError(f"a frame has {length} bytes, but the limit is {most}")
+            max_bytes = max_bytes + _MIN_SEALED_BYTES if self.is_ready else _MAX_HANDSHAKE_BYTES
+        if length > max_bytes:
+            raise ZmtpError(f"a frame has {length} bytes, but the limit is {max_bytes}")
         self.missing = max(start + length - len(self._bytes), 0)
         if self.missing:
             return None

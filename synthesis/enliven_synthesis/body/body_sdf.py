@@ -223,7 +223,7 @@ def _limb_scale(performer: Performer, limb: Limb) -> Triple:
     """Returns the scale factors of a limb in width, length and depth, relative to the reference build."""
     s, p = performer.scale, performer.proportions
     width = p.shoulders if limb == Limb.CHEST else p.hips if limb == Limb.PELVIS else p.girth
-    return s * width, s * _relative_length(performer, limb), s * p.girth
+    return s * width, s * _compute_relative_length(performer, limb), s * p.girth
 
 
 def _half_axes(performer: Performer, piece: BodyPiece) -> Triple:
@@ -231,10 +231,14 @@ def _half_axes(performer: Performer, piece: BodyPiece) -> Triple:
     s, g = performer.scale, performer.proportions.girth
     if piece.limb == Limb.SKULL:
         return piece.b[0] * s, piece.b[1] * s, piece.b[2] * s
-    return piece.b[0] * s * g, piece.b[1] * s * _relative_length(performer, piece.limb), piece.b[2] * s * g
+    return (
+        piece.b[0] * s * g,
+        piece.b[1] * s * _compute_relative_length(performer, piece.limb),
+        piece.b[2] * s * g,
+    )
 
 
-def _relative_length(performer: Performer, limb: Limb) -> float:
+def _compute_relative_length(performer: Performer, limb: Limb) -> float:
     """Returns the length of a limb relative to the reference build."""
     if Limb.UPPER_ARM_LEFT <= limb <= Limb.HAND_RIGHT:
         return performer.proportions.arms

@@ -109,11 +109,11 @@ class Performer:
                     joints[first + k + 1] = joints[first + k] + length * (rotations[limb + 2 * k] @ down)
                 last = self.hand * down if limb_left == 4 else self.ball
                 joints[first + 3] = joints[first + 2] + rotations[limb + 4] @ last
-        at = [*origins]
+        joint_positions = [*origins]
         for left, right in ((Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT), (Joint.HIP_LEFT, Joint.HIP_RIGHT)):
             for k in range(3):
-                at += [joints[left + k], joints[right + k]]
-        frames = np.concatenate([rotations, np.stack(at)[:, :, None]], 2)
+                joint_positions += [joints[left + k], joints[right + k]]
+        frames = np.concatenate([rotations, np.stack(joint_positions)[:, :, None]], 2)
         return Figure(round_to_grid(joints), round_to_grid(frames))
 
     def soles(self, figure: Figure) -> Float:

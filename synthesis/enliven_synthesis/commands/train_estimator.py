@@ -112,10 +112,10 @@ def train_estimator(
             )  # fmt: skip
         learning = progress.add_task("Learning", total=settings.steps)
         start_network = None if start is None else restore_network(start, dataset, VALIDATION_SAMPLES)
-        before = None if start_network is None else copy.deepcopy(start_network)
+        start_copy = None if start_network is None else copy.deepcopy(start_network)
         network = train(dataset, settings, lambda _step, _network: progress.advance(learning), start_network)
-        if before is not None:
-            network = interpolate_networks(before, network, share)
+        if start_copy is not None:
+            network = interpolate_networks(start_copy, network, share)
         whole, small = Path(spare) / "whole.onnx", Path(spare) / "small.onnx"
         export(network, whole)
         quantise(whole, small, dataset, VALIDATION_SAMPLES)

@@ -114,7 +114,7 @@ _CHAIR_TRACKS = {
 }
 
 
-def _chair_choreography() -> Choreography:
+def _make_chair_choreography() -> Choreography:
     feet = Footwork(_make_stance(0.45), _CHAIR_STEPS)
 
     def posture(time: float) -> PerformerPosture:
@@ -167,7 +167,7 @@ def _flap_arm(flap: float, tuck: float, swing: float) -> ArmPose:
 # --- the others ------------------------------------------------------------------------------------------
 
 
-def _idle_choreography() -> Choreography:
+def _make_idle_choreography() -> Choreography:
     feet = Footwork(_make_stance(0.30), [])
     arm = ArmPose(flex=0.03, abduct=0.13, twist=0.25, elbow=0.22, wrist=0.1)
 
@@ -181,7 +181,7 @@ def _idle_choreography() -> Choreography:
     return Choreography("idle", 6.0, posture, feet.is_planted)
 
 
-def _wave_choreography() -> Choreography:
+def _make_wave_choreography() -> Choreography:
     feet = Footwork(_make_stance(0.30), [])
     hanging = ArmPose(flex=0.03, abduct=0.13, twist=0.25, elbow=0.22, wrist=0.1)
     up = Track((0.4, 0), (0.55, -0.04), (1.05, 1), (3.9, 1), (4.5, 0))
@@ -246,9 +246,9 @@ def _wander_choreography() -> Choreography:
 
 
 _CHOREOGRAPHIES: dict[str, Callable[[], Choreography]] = {
-    "chair": _chair_choreography,
+    "chair": _make_chair_choreography,
     "walk": _walk,
-    "wave": _wave_choreography,
-    "idle": _idle_choreography,
+    "wave": _make_wave_choreography,
+    "idle": _make_idle_choreography,
     "wander": _wander_choreography,
 }

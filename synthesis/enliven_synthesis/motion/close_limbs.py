@@ -92,7 +92,7 @@ In order: clapping, holding a book, reading a watch, on the other shoulder, play
 telephone at the ear, and in a pocket."""
 
 
-def _standing_keys() -> dict[str, tuple[Key, ...]]:
+def _make_standing_keys() -> dict[str, tuple[Key, ...]]:
     """Returns the keyframes of every standing motion, by name."""
 
     def both(wrist: Wrist, other: Wrist | None = None, **bent: float) -> tuple[Key, ...]:
@@ -145,7 +145,7 @@ _SIT = {"rise": -0.40, "z": -0.30, "pitch": 0.1, "spine_pitch": 0.15}
 """A sitting trunk: the pelvis' offset down and behind the feet in metres, and angles in radians."""
 _LEAN = {"rise": -0.22, "z": -0.16, "pitch": 0.6, "spine_pitch": 0.4}
 """A trunk between standing and sitting, bent forward for balance."""
-_KEYS: dict[str, tuple[Key, ...]] = _standing_keys() | {
+_KEYS: dict[str, tuple[Key, ...]] = _make_standing_keys() | {
     "seat": (
         Key(0.0, _HANG, _HANG), Key(0.6, _HANG, _HANG), Key(1.2, _ARMREST, _ARMREST, _LEAN),
         Key(1.9, _LAP, _LAP, _SIT), Key(2.8, _LAP, _LAP, _SIT | {"spine_yaw": 0.25}),
@@ -188,15 +188,19 @@ class CloseLimbs:
         """Returns the figure at a time in seconds. Before the start and after the end it stands still."""
         time = min(max(time, 0.0), self.duration)
         k = max(0, min(sum(key.time <= time for key in self._keys) - 1, len(self._keys) - 2))
-        before, after = self._keys[k], self._keys[k + 1]
-        part = ease((time - before.time) / (after.time - before.time))
-        posture = interpolate_fields(_standing_posture(before.trunk), _standing_posture(after.trunk), part)
+        start_key, end_key = self._keys[k], self._keys[k + 1]
+        part = ease((time - start_key.time) / (end_key.time - start_key.time))
+        posture = interpolate_fields(
+            _make_standing_posture(start_key.trunk), _make_standing_posture(end_key.trunk), part
+        )
         wrists = [
-            _interpolate_wrists(before.left, after.left, part),
-            _interpolate_wrists(before.right, after.right, part),
+            _interpolate_wrists(start_key.left, end_key.left, part),
+            _interpolate_wrists(start_key.right, end_key.right, part),
         ]
         if self._jogs:
-            posture, wrists = _jogging_posture(self._pace * time, posture, before.left, before.right)
+            posture, wrists = _make_jogging_posture(
+                self._pace * time, posture, start_key.left, start_key.right
+            )
         return place_figure(self._figure_with_wrists(posture, wrists), (0.0, -START_Z_M), 0.0)
 
     def _figure_with_wrists(self, posture: PerformerPosture, wrists: list[Float]) -> Figure:
@@ -220,7 +224,7 @@ def _interpolate_wrists(a: Wrist, b: Wrist, part: float) -> Float:
     return np.asarray((1.0 - part) * first + part * second)
 
 
-def _jogging_posture(
+def _make_jogging_posture(
     phase: float, posture: PerformerPosture, fore: Wrist, back: Wrist
 ) -> tuple[PerformerPosture, list[Float]]:
     """Returns a posture jogging on the spot, and its wrists.
@@ -250,7 +254,7 @@ def _jogging_posture(
     return jogging, [_interpolate_wrists(fore, back, swing), _interpolate_wrists(back, fore, swing)]
 
 
-def _standing_posture(trunk: dict[str, Any]) -> PerformerPosture:
+def _make_standing_posture(trunk: dict[str, Any]) -> PerformerPosture:
     """Returns a standing posture with the trunk bent and moved.
 
     ``z`` in ``trunk`` is in metres in front of the feet.

@@ -110,14 +110,14 @@ def _arms(left: ArmPose, right: ArmPose | None = None, **changes: Any) -> Perfor
     return _stand(left_arm=left, right_arm=right or left, **changes)
 
 
-def _still_exercise(vary: _Variation) -> Choreography:
+def _make_still_exercise(vary: _Variation) -> Choreography:
     home = _stand()
     breath = replace(home, spine_pitch=0.05, head_pitch=0.02, head_yaw=0.04)
     steps = [(2.0 * n, home if n % 2 == 0 else breath) for n in range(5)]
     return _choreography_from_keys("still", vary, *steps)
 
 
-def _overhead_exercise(vary: _Variation) -> Choreography:
+def _make_overhead_exercise(vary: _Variation) -> Choreography:
     return _choreography_from_keys(
         "overhead", vary, (0.0, _stand()), (0.8, _stand()), (1.5, _arms(_OUT)), (1.8, _arms(_OUT)),
         (2.5, _arms(_UP)), (3.2, _arms(_UP, spine_roll=0.2)), (3.9, _arms(_UP, spine_roll=-0.2)),
@@ -126,7 +126,7 @@ def _overhead_exercise(vary: _Variation) -> Choreography:
     )  # fmt: skip
 
 
-def _crouch_exercise(vary: _Variation) -> Choreography:
+def _make_crouch_exercise(vary: _Variation) -> Choreography:
     low = vary.vary(-0.42, 0.06)
     deep = _arms(_FORWARD, rise=low, pitch=0.45, spine_pitch=0.35, head_pitch=-0.3)
     raised = _arms(replace(_DOWN, flex=0.9), rise=low - 0.05, pitch=0.55, spine_pitch=0.45, head_pitch=-0.2)
@@ -137,7 +137,7 @@ def _crouch_exercise(vary: _Variation) -> Choreography:
     )  # fmt: skip
 
 
-def _kneel_exercise(vary: _Variation) -> Choreography:
+def _make_kneel_exercise(vary: _Variation) -> Choreography:
     back = FootPose(-0.13, START_Z_M - 0.52, pitch=-1.1, yaw=-0.05)
     moving_foot = FootPose(-0.13, START_Z_M - 0.30, lift=0.06, pitch=-0.4)
     front = FootPose(0.13, START_Z_M + 0.10, yaw=0.1)
@@ -151,7 +151,7 @@ def _kneel_exercise(vary: _Variation) -> Choreography:
     )  # fmt: skip
 
 
-def _floor_exercise(vary: _Variation) -> Choreography:
+def _make_floor_exercise(vary: _Variation) -> Choreography:
     bent = _arms(
         _DOWN, rise=-0.12, z=START_Z_M - 0.10, pitch=1.05, spine_pitch=vary.vary(0.85, 0.1), head_pitch=0.1
     )
@@ -163,7 +163,7 @@ def _floor_exercise(vary: _Variation) -> Choreography:
     )  # fmt: skip
 
 
-def _one_leg_exercise(vary: _Variation) -> Choreography:
+def _make_one_leg_exercise(vary: _Variation) -> Choreography:
     shifted: dict[str, Any] = {"x": -0.11, "roll": -0.04}
     knee = _arms(
         _OUT, left_foot=FootPose(0.10, START_Z_M + 0.10, lift=vary.vary(0.42, 0.08), pitch=-0.5), **shifted
@@ -179,7 +179,7 @@ def _one_leg_exercise(vary: _Variation) -> Choreography:
     )  # fmt: skip
 
 
-def _signals_exercise(vary: _Variation) -> Choreography:
+def _make_signals_exercise(vary: _Variation) -> Choreography:
     stop = replace(_OUT, flex=0.5, elbow=1.5, pronate=0.4, twist=-1.2)
     come = replace(_FORWARD, elbow=1.4)
     return _choreography_from_keys(
@@ -191,7 +191,7 @@ def _signals_exercise(vary: _Variation) -> Choreography:
     )  # fmt: skip
 
 
-def _crossed_exercise(vary: _Variation) -> Choreography:
+def _make_crossed_exercise(vary: _Variation) -> Choreography:
     return _choreography_from_keys(
         "crossed", vary, (0.0, _stand()), (0.6, _stand()), (1.3, _arms(_FOLDED)), (2.1, _arms(_FOLDED)),
         (2.8, _arms(_ON_HIP)), (3.4, _arms(_ON_HIP, spine_yaw=0.4)), (4.0, _arms(_AT_FACE, _ON_HIP)),
@@ -232,7 +232,7 @@ def _turn_exercise(vary: _Variation) -> Choreography:
     return Choreography("turn", duration, posture, lambda side, time: heading(side, time)[1] == 0.0)
 
 
-def _stroll_exercise(vary: _Variation) -> Choreography:
+def _make_stroll_exercise(vary: _Variation) -> Choreography:
     """Walks nine steps straight ahead, about 3.5 m."""
     stride, beat = vary.vary(0.42, 0.05), vary.vary(0.52, 0.05)
     steps = [Step(1, 0.4, 0.4 + 0.8 * beat, dz=stride, lift=0.07)]
@@ -261,7 +261,7 @@ def _stroll_exercise(vary: _Variation) -> Choreography:
     return Choreography("stroll", start + beat + 0.3, posture, feet.is_planted)
 
 
-def _touch_exercise(vary: _Variation) -> Choreography:
+def _make_touch_exercise(vary: _Variation) -> Choreography:
     """Holds out a hand to a person on the performer's left."""
     give = replace(_OUT, abduct=vary.vary(1.2, 0.1), elbow=0.15)
     return _choreography_from_keys(
@@ -271,17 +271,17 @@ def _touch_exercise(vary: _Variation) -> Choreography:
 
 
 _EXERCISES: dict[str, Callable[[_Variation], Choreography]] = {
-    "still": _still_exercise,
-    "overhead": _overhead_exercise,
-    "crouch": _crouch_exercise,
-    "kneel": _kneel_exercise,
-    "floor": _floor_exercise,
-    "one leg": _one_leg_exercise,
-    "signals": _signals_exercise,
-    "crossed": _crossed_exercise,
+    "still": _make_still_exercise,
+    "overhead": _make_overhead_exercise,
+    "crouch": _make_crouch_exercise,
+    "kneel": _make_kneel_exercise,
+    "floor": _make_floor_exercise,
+    "one leg": _make_one_leg_exercise,
+    "signals": _make_signals_exercise,
+    "crossed": _make_crossed_exercise,
     "turn": _turn_exercise,
-    "stroll": _stroll_exercise,
-    "touch": _touch_exercise,
+    "stroll": _make_stroll_exercise,
+    "touch": _make_touch_exercise,
 }
 
 

@@ -60,10 +60,10 @@ class CapturedMotion:
     def figure(self, time: float) -> Figure:
         """Returns the figure at a time in seconds. Before the start and after the end it stands still."""
         position = min(max(time / self._seconds, 0.0), len(self._pelvis) - 1.0)
-        before = min(int(position), max(len(self._pelvis) - 2, 0))
-        after, part = min(before + 1, len(self._pelvis) - 1), position - before
-        pelvis = (1.0 - part) * self._pelvis[before] + part * self._pelvis[after]
-        turned = slerp(self._rotations[before], self._rotations[after], np.full(16, part))
+        previous = min(int(position), max(len(self._pelvis) - 2, 0))
+        after, part = min(previous + 1, len(self._pelvis) - 1), position - previous
+        pelvis = (1.0 - part) * self._pelvis[previous] + part * self._pelvis[after]
+        turned = slerp(self._rotations[previous], self._rotations[after], np.full(16, part))
         return self._performer.figure(to_matrix(turned), pelvis)
 
 
@@ -79,15 +79,18 @@ def _pelvis_path(
     scale = (performer.thigh + performer.shank) / float(np.median(leg))
     hip_height = performer.hip * [0.0, 1.0, 1.0]
     pelvis = scale * hips.mean(1) - rotations[:, Limb.PELVIS] @ hip_height
-    captured_height = _lower_foot_height(scale * p[:, list(roles.toes)], scale * ankles, standing)
+    captured_height = _compute_lower_foot_height(scale * p[:, list(roles.toes)], scale * ankles, standing)
     lowest = np.array(
-        [performer.soles(performer.figure(r, at)).min() for r, at in zip(rotations, pelvis, strict=True)]
+        [
+            performer.soles(performer.figure(r, pelvis_position)).min()
+            for r, pelvis_position in zip(rotations, pelvis, strict=True)
+        ]
     )
     pelvis[:, 1] += _smooth(captured_height - lowest, _HEIGHT_SMOOTHING_S / capture.seconds)
     return pelvis
 
 
-def _lower_foot_height(toes: Float, ankles: Float, standing: Bool) -> Float:
+def _compute_lower_foot_height(toes: Float, ankles: Float, standing: Bool) -> Float:
     """Returns the (F,) height in metres of the lower foot above the floor.
 
     Heights below a few centimetres become 0.

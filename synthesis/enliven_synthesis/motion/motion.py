@@ -41,8 +41,10 @@ class DanceMotion:
 
     def figure(self, time: float) -> Figure:
         """Returns the figure at a time in seconds."""
-        at = time % self.duration if self._repeat else min(max(time, 0.0), self.duration)
-        return place_figure(self._performer.pose(self._choreography.posture(at)), (0.0, -START_Z_M), 0.0)
+        motion_time = time % self.duration if self._repeat else min(max(time, 0.0), self.duration)
+        return place_figure(
+            self._performer.pose(self._choreography.posture(motion_time)), (0.0, -START_Z_M), 0.0
+        )
 
 
 def place_figure(figure: Figure, place: tuple[float, float], yaw: float) -> Figure:

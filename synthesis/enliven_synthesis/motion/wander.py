@@ -45,7 +45,7 @@ class WalkPath:
         self._size = np.array([breadth, depth]) / 2
         self._pace = duration / (2 * max(1, round(duration / pace / 2)))
 
-    def at(self, time: float) -> Float:
+    def find_position(self, time: float) -> Float:
         """Returns (2,) x and z on the path in metres, relative to its middle."""
         u = 2 * math.pi * time / self.duration
         m, n = self._waves
@@ -53,12 +53,12 @@ class WalkPath:
 
     def yaw(self, time: float) -> float:
         """Returns the walking direction in radians about +Y. 0 is +Z."""
-        ahead = self.at(time + 0.12) - self.at(time - 0.12)
+        ahead = self.find_position(time + 0.12) - self.find_position(time - 0.12)
         return math.atan2(ahead[0], ahead[1])
 
     def posture(self, time: float) -> PerformerPosture:
         """Returns the walker's posture at a time in seconds."""
-        x, z = self.at(time)
+        x, z = self.find_position(time)
         yaw = self.yaw(time)
         left, right = self._foot(0, time), self._foot(1, time)
         forward = np.array([math.sin(yaw), math.cos(yaw)])
@@ -94,12 +94,12 @@ class WalkPath:
 
         It is next to the body's position halfway through the foot's stance.
         """
-        at = time + 0.25 * 2 * self._pace
-        yaw = self.yaw(at)
+        landing_time = time + 0.25 * 2 * self._pace
+        yaw = self.yaw(landing_time)
         sideways = np.array([math.cos(yaw), -math.sin(yaw)]) * (
             _FOOT_OFFSET_M if side == 0 else -_FOOT_OFFSET_M
         )
-        return self.at(at) + sideways, yaw
+        return self.find_position(landing_time) + sideways, yaw
 
 
 def _signed_rotation(start: float, stop: float) -> float:

@@ -144,7 +144,7 @@ class MovedObjectScan(HandheldScan):
         return super().frame(index, merge_meshes([placed, *arms]))
 
 
-def lie_on_back_pose(scanned_mesh: Mesh, place: tuple[float, float] = (0.0, 0.0)) -> Float:
+def make_lying_on_back_pose(scanned_mesh: Mesh, place: tuple[float, float] = (0.0, 0.0)) -> Float:
     """Returns the (4, 4) pose of an object that lies on its back on y = 0 at (x, z).
 
     The object originally faced +Z.

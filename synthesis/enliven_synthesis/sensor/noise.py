@@ -82,9 +82,9 @@ class DepthNoise:
             index: the frame's number. Together with the seed it determines all random numbers.
         """
         axial, blobs, patches = (
-            self._partly_frozen_noise(index, 0),
-            self._partly_frozen_noise(index, 1),
-            self._partly_frozen_noise(index, 2),
+            self._make_partly_frozen_noise(index, 0),
+            self._make_partly_frozen_noise(index, 1),
+            self._make_partly_frozen_noise(index, 2),
         )
         across, down = self._noise_field(index, 3, self._blob), self._noise_field(index, 4, self._blob)
         shadow, zone = np.zeros(self._shape, np.bool_), np.zeros(self._shape, np.bool_)
@@ -105,7 +105,7 @@ class DepthNoise:
         quantise_depth(sampled_depth, slant, axial, self._limits, self._sigma, out)
         return out
 
-    def _partly_frozen_noise(self, index: int, stream: int) -> Float:
+    def _make_partly_frozen_noise(self, index: int, stream: int) -> Float:
         """Returns (H, W) noise of unit variance. A fixed fraction of the variance is constant over all
         frames.
         """

@@ -140,7 +140,7 @@ class SensorProfile:
         """Returns the camera intrinsics, scaled to ``width`` pixels if it is given."""
         c = self.camera
         full = Intrinsics(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion)
-        return full if width is None or width == c.width else full.scaled(width / c.width)
+        return full if width is None or width == c.width else full.scale(width / c.width)
 
     def sigma(self, z: float) -> float:
         """Returns the standard deviation in metres of the depth of a surface at ``z`` metres.

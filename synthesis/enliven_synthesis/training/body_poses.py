@@ -58,7 +58,7 @@ def _leg_with_level_sole(flex: float, knee: float, rng: Generator, spread: float
     return LegPose(flex, abs(rng.normal(0.04, spread)), rng.normal(0.12, 0.2), knee, knee - flex)
 
 
-def _standing_pose(rng: Generator) -> TrunkAndLegs:
+def _make_standing_pose(rng: Generator) -> TrunkAndLegs:
     spread = rng.choice([0.06, 0.2])
     knees = np.abs(rng.normal(0.0, 0.12, 2))
     left, right = (_leg_with_level_sole(0.5 * k + rng.normal(0, 0.05), k, rng, spread) for k in knees)
@@ -66,15 +66,15 @@ def _standing_pose(rng: Generator) -> TrunkAndLegs:
                   rng.normal(0, 0.1))  # fmt: skip
 
 
-def _leaning_pose(rng: Generator) -> TrunkAndLegs:
-    base = _standing_pose(rng)
+def _make_leaning_pose(rng: Generator) -> TrunkAndLegs:
+    base = _make_standing_pose(rng)
     side = rng.uniform(-0.5, 0.5)
     return TrunkAndLegs(
         base.left, base.right, rng.normal(0.1, 0.15), 0.4 * side, rng.uniform(-0.3, 0.7), side
     )
 
 
-def _walking_pose(rng: Generator) -> TrunkAndLegs:
+def _make_walking_pose(rng: Generator) -> TrunkAndLegs:
     stride = rng.uniform(-0.6, 0.6)
     behind = np.array([max(0.0, -stride), max(0.0, stride)])
     knees = np.abs(rng.normal(0.15, 0.2, 2)) + 0.8 * behind
@@ -85,7 +85,7 @@ def _walking_pose(rng: Generator) -> TrunkAndLegs:
                   rng.normal(0, 0.05))  # fmt: skip
 
 
-def _crouching_pose(rng: Generator) -> TrunkAndLegs:
+def _make_crouching_pose(rng: Generator) -> TrunkAndLegs:
     depth = rng.uniform(0.6, 2.3)
     legs = []
     for _ in range(2):
@@ -103,7 +103,7 @@ def _kneeling_leg(rng: Generator) -> LegPose:
     return LegPose(flex, abs(rng.normal(0.08, 0.12)), rng.normal(0, 0.15), knee, rng.uniform(-0.9, 0.4))
 
 
-def _kneeling_pose(rng: Generator) -> TrunkAndLegs:
+def _make_kneeling_pose(rng: Generator) -> TrunkAndLegs:
     left, right = _kneeling_leg(rng), _kneeling_leg(rng)
     if rng.random() < 0.25:  # The person sits on the heels.
         flex = rng.uniform(0.7, 1.4)
@@ -115,7 +115,7 @@ def _kneeling_pose(rng: Generator) -> TrunkAndLegs:
                   rng.normal(0, 0.15))  # fmt: skip
 
 
-def _sitting_pose(rng: Generator) -> TrunkAndLegs:
+def _make_sitting_pose(rng: Generator) -> TrunkAndLegs:
     legs = []
     for _ in range(2):
         flex = rng.uniform(1.2, 1.75)
@@ -124,7 +124,7 @@ def _sitting_pose(rng: Generator) -> TrunkAndLegs:
                   rng.normal(0, 0.12))  # fmt: skip
 
 
-def _sitting_down_pose(rng: Generator) -> TrunkAndLegs:
+def _make_sitting_down_pose(rng: Generator) -> TrunkAndLegs:
     """Returns a person sitting down or getting up: the trunk leans forward over bent knees for balance."""
     knee = rng.uniform(0.7, 1.7)
     legs = [
@@ -135,7 +135,7 @@ def _sitting_down_pose(rng: Generator) -> TrunkAndLegs:
                   rng.normal(0, 0.1))  # fmt: skip
 
 
-def _bowing_pose(rng: Generator) -> TrunkAndLegs:
+def _make_bowing_pose(rng: Generator) -> TrunkAndLegs:
     """Returns a person bending towards the floor by a random amount."""
     depth = rng.uniform(0.4, 1.0)
     legs = []
@@ -146,7 +146,7 @@ def _bowing_pose(rng: Generator) -> TrunkAndLegs:
                   0.9 * depth + rng.normal(0, 0.15), rng.normal(0, 0.2))  # fmt: skip
 
 
-def _one_leg_pose(rng: Generator) -> TrunkAndLegs:
+def _make_one_leg_pose(rng: Generator) -> TrunkAndLegs:
     knee = abs(rng.normal(0.05, 0.1))
     ground = _leg_with_level_sole(0.5 * knee, knee, rng, 0.06)
     flex = rng.uniform(-0.7, 2.0)
@@ -157,7 +157,7 @@ def _one_leg_pose(rng: Generator) -> TrunkAndLegs:
                   rng.normal(0, 0.15))  # fmt: skip
 
 
-def _lunging_pose(rng: Generator) -> TrunkAndLegs:
+def _make_lunging_pose(rng: Generator) -> TrunkAndLegs:
     knee = rng.uniform(0.4, 1.6)
     front = _leg_with_level_sole(rng.uniform(0.4, 1.4), knee, rng, 0.15)
     back = LegPose(rng.uniform(-0.9, -0.1), abs(rng.normal(0.1, 0.2)), rng.normal(0.2, 0.2),
@@ -166,7 +166,7 @@ def _lunging_pose(rng: Generator) -> TrunkAndLegs:
     return TrunkAndLegs(left, right, rng.normal(0.1, 0.15), 0.0, rng.normal(0.15, 0.2), rng.normal(0, 0.15))
 
 
-def _sideways_lunging_pose(rng: Generator) -> TrunkAndLegs:
+def _make_sideways_lunging_pose(rng: Generator) -> TrunkAndLegs:
     knee = rng.uniform(0.2, 1.6)
     bent = LegPose(0.6 * knee, rng.uniform(0.2, 0.7), rng.uniform(0, 0.6), knee, 0.4 * knee)
     straight = LegPose(0.1, rng.uniform(0.2, 0.8), 0.1, 0.05, 0.0)
@@ -174,7 +174,7 @@ def _sideways_lunging_pose(rng: Generator) -> TrunkAndLegs:
     return TrunkAndLegs(left, right, rng.normal(0.15, 0.2), 0.0, rng.normal(0.15, 0.2), rng.normal(0, 0.2))
 
 
-def _all_fours_pose(rng: Generator) -> TrunkAndLegs:
+def _make_all_fours_pose(rng: Generator) -> TrunkAndLegs:
     """Returns a person crawling, or getting up from the floor."""
     legs = [_kneeling_leg(rng) for _ in range(2)]
     legs = [
@@ -184,7 +184,7 @@ def _all_fours_pose(rng: Generator) -> TrunkAndLegs:
                   rng.normal(0, 0.2))  # fmt: skip
 
 
-def _lying_pose(rng: Generator) -> TrunkAndLegs:
+def _make_lying_pose(rng: Generator) -> TrunkAndLegs:
     """Returns a person lying on the back or the belly, or falling into this posture."""
     on_back = rng.random() < 0.5
     legs = [
@@ -198,7 +198,7 @@ def _lying_pose(rng: Generator) -> TrunkAndLegs:
                         rng.normal(0, 0.2))  # fmt: skip
 
 
-def _leaping_pose(rng: Generator) -> TrunkAndLegs:
+def _make_leaping_pose(rng: Generator) -> TrunkAndLegs:
     """Returns random legs, as in the air or in a dance."""
     legs = [
         LegPose(rng.uniform(-0.7, 1.9), rng.uniform(-0.1, 0.9), rng.normal(0.1, 0.3), rng.uniform(0.0, 2.2),
@@ -209,7 +209,7 @@ def _leaping_pose(rng: Generator) -> TrunkAndLegs:
                   rng.normal(0, 0.25))  # fmt: skip
 
 
-def _high_leg_pose(rng: Generator) -> TrunkAndLegs:
+def _make_high_leg_pose(rng: Generator) -> TrunkAndLegs:
     """Returns a posture with one leg raised sideways or forward, as high as dancers can.
 
     The trunk leans away from the leg.
@@ -226,21 +226,21 @@ def _high_leg_pose(rng: Generator) -> TrunkAndLegs:
 
 
 _POSTURE_FAMILIES: dict[str, tuple[float, Callable[[Generator], TrunkAndLegs]]] = {
-    "stand": (0.30, _standing_pose),
-    "lean": (0.08, _leaning_pose),
-    "walk": (0.10, _walking_pose),
-    "crouch": (0.12, _crouching_pose),
-    "kneel": (0.09, _kneeling_pose),
-    "sit": (0.06, _sitting_pose),
-    "sit down": (0.05, _sitting_down_pose),
-    "bow": (0.08, _bowing_pose),
-    "one leg": (0.08, _one_leg_pose),
-    "high leg": (0.05, _high_leg_pose),
-    "lunge": (0.05, _lunging_pose),
-    "side lunge": (0.03, _sideways_lunging_pose),
-    "all fours": (0.02, _all_fours_pose),
-    "lie": (0.02, _lying_pose),
-    "leap": (0.05, _leaping_pose),
+    "stand": (0.30, _make_standing_pose),
+    "lean": (0.08, _make_leaning_pose),
+    "walk": (0.10, _make_walking_pose),
+    "crouch": (0.12, _make_crouching_pose),
+    "kneel": (0.09, _make_kneeling_pose),
+    "sit": (0.06, _make_sitting_pose),
+    "sit down": (0.05, _make_sitting_down_pose),
+    "bow": (0.08, _make_bowing_pose),
+    "one leg": (0.08, _make_one_leg_pose),
+    "high leg": (0.05, _make_high_leg_pose),
+    "lunge": (0.05, _make_lunging_pose),
+    "side lunge": (0.03, _make_sideways_lunging_pose),
+    "all fours": (0.02, _make_all_fours_pose),
+    "lie": (0.02, _make_lying_pose),
+    "leap": (0.05, _make_leaping_pose),
 }
 """Every family of postures with its probability. Rare postures are more frequent than in reality, so that the
 network learns them."""
@@ -269,7 +269,7 @@ def random_figure(
         _turn_leg(rotations, heading @ rotation_about_x(0.15 * pose.pitch), leg, side)
     random_arms(performer, rotations, rng, "hang" if arms is None and _arms_hang(family, rng) else arms)
     figure = performer.figure(rotations, np.zeros(3))
-    return performer.figure(rotations, np.array([0.0, -_lowest_height(figure, performer.scale), 0.0]))
+    return performer.figure(rotations, np.array([0.0, -_compute_lowest_height(figure, performer.scale), 0.0]))
 
 
 def _arms_hang(family: str, rng: Generator) -> bool:
@@ -310,7 +310,7 @@ _SOLE = np.array([[0.0, -0.08, -0.06], [0.0, -0.08, 0.15], [0.0, -0.06, 0.19]])
 """Heel, ball and toe-cap of a sole in metres, for a person of 1.75 m, foot's frame."""
 
 
-def _lowest_height(figure: Figure, scale: float) -> float:
+def _compute_lowest_height(figure: Figure, scale: float) -> float:
     """Returns the height in metres of the lowest point of soles, knees, hands and seat."""
     low = []
     for limb in (Limb.FOOT_LEFT, Limb.FOOT_RIGHT):

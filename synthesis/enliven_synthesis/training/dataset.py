@@ -117,8 +117,8 @@ def render_dataset(
             for n in firsts
         }
         while left:
-            done, left = wait(left, return_when=FIRST_COMPLETED)
-            for shard in done:
+            finished, left = wait(left, return_when=FIRST_COMPLETED)
+            for shard in finished:
                 rendered(shard.result())
     (folder / _COMPLETION_FILE).write_text(
         f"{count} samples, seed {seed}, {frontal} of the people face the sensor\n"

@@ -70,7 +70,7 @@ class PersonRenderer:
         for seed, name in enumerate(SENSORS):
             profile = load_profile(name)
             full = profile.intrinsics()
-            scaled = full.scaled(WIDTH / full.width)
+            scaled = full.scale(WIDTH / full.width)
             intrinsics = Intrinsics(*dataclasses.astuple(scaled)[:6])
             noise = DepthNoise(profile, intrinsics, seed)
             self._cameras.append(

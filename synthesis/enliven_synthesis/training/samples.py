@@ -193,8 +193,8 @@ def _add_wall_alone(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bo
     if piece.any() and rng.random() < _STRAIGHT_EDGE_FRACTION:
         v, u = np.indices(mask.shape)
         slope = rng.normal(0.0, 0.05)  # Slope of the edge, in columns per row.
-        at = u + slope * (v - 0.5 * len(mask))
-        beyond = at > rng.uniform(*np.quantile(at[piece], (0.2, 0.8)))
+        wall_depth = u + slope * (v - 0.5 * len(mask))
+        beyond = wall_depth > rng.uniform(*np.quantile(wall_depth[piece], (0.2, 0.8)))
         piece &= beyond if rng.random() < 0.5 else ~beyond
     return out, piece
 

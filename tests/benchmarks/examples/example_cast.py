@@ -128,7 +128,7 @@ def staged(act: Act, keys: int | None = None) -> Project:
     take = read_take(DATA / act.take)[0]
     figure, points = figure_of(act, mesh)
     poses = [
-        KeyPose(take.id, key.seconds, _rounded(figure.posed(*key.does)))
+        KeyPose(take.id, key.seconds, _round_values(figure.posed(*key.does)))
         for key in act.keys[: keys or len(act.keys)]
     ]
     puppet = ExampleCharacter(
@@ -181,5 +181,5 @@ def playing(name: str, act: Act) -> Project:
     return project.with_characters(puppet.with_changes(mesh=mesh))
 
 
-def _rounded(places: Float) -> Float:
+def _round_values(places: Float) -> Float:
     return np.round(places, _TENTH_MM) + 0.0

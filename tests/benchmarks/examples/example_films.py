@@ -51,11 +51,11 @@ def main(arguments: list[str]) -> int:
             path.write_text(session_of(act, staged(act)), encoding="utf-8")
             print(f"{name}: {path}")
         else:
-            print(f"{name}: {_filmed(name, act, '--measure' not in arguments)}", flush=True)
+            print(f"{name}: {_film_act(name, act, '--measure' not in arguments)}", flush=True)
     return 0
 
 
-def _filmed(name: str, act: Act, film: bool) -> str:
+def _film_act(name: str, act: Act, film: bool) -> str:
     """Films an act from its stored session. Returns the measurements."""
     project = playing(name, act)
     ruler = Ruler(project)

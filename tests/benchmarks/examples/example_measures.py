@@ -80,7 +80,7 @@ class Ruler:
         """Returns the measurements."""
         project, puppet = self._project, self._puppet
         begun = time.perf_counter()
-        motion = solve_layer_motion(_fresh(project, puppet), puppet, 0)
+        motion = solve_layer_motion(_copy_project(project, puppet), puppet, 0)
         return Measures(
             time.perf_counter() - begun,
             float(np.median(self._times[1:])),
@@ -112,7 +112,7 @@ def slide(motion: PuppetMotion, parts: int = 4) -> float:
         if anchor < 0 or len(frames) < 2:
             continue
         times = np.linspace(frames[0], frames[-1], parts * (len(frames) - 1) + 1)
-        stood = np.array([_stands(motion, frame, anchor) for frame in times])
+        stood = np.array([_find_position(motion, frame, anchor) for frame in times])
         most = max(most, float(np.linalg.norm((stood - stood[0])[:, [0, 2]], axis=1).max()))
     return most
 
@@ -126,8 +126,8 @@ def volumes(mesh: Mesh, surfaces: list[Float]) -> tuple[float, float]:
         welded.vertices, axis=0
     ).min() == 0:
         return float("nan"), float("nan")
-    all_of = [_volume(surface, mesh) for surface in surfaces]
-    rest = _volume(mesh.vertices, mesh)
+    all_of = [_compute_volume(surface, mesh) for surface in surfaces]
+    rest = _compute_volume(mesh.vertices, mesh)
     return min(all_of) / rest, max(all_of) / rest
 
 
@@ -146,7 +146,7 @@ def jitter(project: Project, puppet: ExampleCharacter, motion: PuppetMotion) -> 
     poses = extract_performer_clip(
         project.takes[puppet.layers[0].take], [point.joint for point in puppet.points]
     ).poses
-    moves = [_sudden(motion.places), _sudden(poses)]
+    moves = [_measure_suddenness(motion.places), _measure_suddenness(poses)]
     return moves[0] / moves[1]
 
 
@@ -162,7 +162,7 @@ def hands(project: Project, puppet: ExampleCharacter, motion: PuppetMotion) -> f
     return min(float(np.corrcoef(poses[5:, k, 1], motion.places[5:, k, 1])[0, 1]) for k in rows)
 
 
-def _fresh(project: Project, puppet: ExampleCharacter) -> Project:
+def _copy_project(project: Project, puppet: ExampleCharacter) -> Project:
     """Returns the project with copies of its takes, so that no cached results are used. Plays it once to warm
     up.
     """
@@ -170,7 +170,7 @@ def _fresh(project: Project, puppet: ExampleCharacter) -> Project:
     return replace(project, takes={name: replace(take) for name, take in project.takes.items()})
 
 
-def _stands(motion: PuppetMotion, frame: float, point: int) -> Float:
+def _find_position(motion: PuppetMotion, frame: float, point: int) -> Float:
     """Returns (3,) position of a control point in the world, metres."""
     yaw, root = motion.root_at(frame)
     x, y, z = motion.places_at(frame)[point]
@@ -178,13 +178,13 @@ def _stands(motion: PuppetMotion, frame: float, point: int) -> Float:
     return np.array([cos * x + sin * z, y, cos * z - sin * x]) + root
 
 
-def _sudden(places: Float) -> float:
+def _measure_suddenness(places: Float) -> float:
     """Returns the root mean square second difference of (F, P, 3) from frame 5 on, relative to the extent of
     the motion."""
     moves = places[5:] - places[5:].mean(0)
     return float(np.sqrt((np.diff(moves, 2, axis=0) ** 2).mean() / (moves**2).mean()))
 
 
-def _volume(vertices: Float, mesh: Mesh) -> float:
+def _compute_volume(vertices: Float, mesh: Mesh) -> float:
     a, b, c = (vertices[mesh.faces[:, k]] for k in range(3))
     return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)

@@ -17,7 +17,7 @@ from enliven.document.character import Character, Pose
 from enliven.document.project import Project
 from enliven.document.puppet import ExampleCharacter, character_from_puppet
 from enliven.examples.performer import yaw_from_rotation
-from enliven.examples.puppet_motion import evaluate_state, pose_of_state, to_world_frame
+from enliven.examples.puppet_motion import convert_to_world_frame, evaluate_state, pose_of_state
 from enliven.formats.motion.bvh import read_bvh
 from enliven.formats.motion.expmap import read_expmap
 from enliven.motion_clips.capture_roles import find_roles
@@ -94,7 +94,7 @@ class Play:
             begun = time.perf_counter()
             local = surface.solve_from_rest(state.places) if number == 0 else surface.solve(state.places)
             took = 1000.0 * (time.perf_counter() - begun)
-            vertices = to_world_frame(self.puppet, state, local).astype(np.float32)
+            vertices = convert_to_world_frame(self.puppet, state, local).astype(np.float32)
             yield Shot(
                 float(seconds), local, vertices, pose_of_state(self.puppet, state), self.body(seconds), took
             )
@@ -110,7 +110,9 @@ class Play:
         """Returns two smooth paths on the floor, (N, 3) each, which the cameras of puppet and performer
         follow."""
         states = [evaluate_state(self.project, self.puppet, seconds) for seconds in self.times]
-        puppet = np.array([to_world_frame(self.puppet, state, state.places).mean(0) for state in states])
+        puppet = np.array(
+            [convert_to_world_frame(self.puppet, state, state.places).mean(0) for state in states]
+        )
         joints = self.bodies[0]
         frames = np.minimum(np.round(self.times / self._step).astype(int), len(joints) - 1)
         return _smooth(puppet, self._sigma), _smooth(joints[frames].mean(1), self._sigma)

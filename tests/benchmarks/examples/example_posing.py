@@ -102,7 +102,7 @@ def turn(limb: str, degrees: float, side: Side) -> Direction:
 
     def follow(figure: Figure, places: Float) -> Float:
         rows, pivot = figure.rows(limb), figure.pivot(limb, places)
-        return _turned(places, rows, pivot, places[rows[-1]] - pivot, figure.side(limb, side), degrees)
+        return _turn_rows(places, rows, pivot, places[rows[-1]] - pivot, figure.side(limb, side), degrees)
 
     return follow
 
@@ -116,7 +116,7 @@ def curl(limb: str, degrees: float, side: Side) -> Direction:
         for k in range(len(rows)):
             about = pivot if k == 0 else places[rows[k - 1]]
             arm = places[rows[-1]] - about
-            places = _turned(places, rows[k:], about, arm, to, degrees / len(rows))
+            places = _turn_rows(places, rows[k:], about, arm, to, degrees / len(rows))
         return places
 
     return follow
@@ -210,7 +210,7 @@ def squash(factor: float) -> Direction:
     return follow
 
 
-def _turned(places: Float, rows: list[int], about: Float, arm: Float, to: Float, degrees: float) -> Float:
+def _turn_rows(places: Float, rows: list[int], about: Float, arm: Float, to: Float, degrees: float) -> Float:
     """Returns the rows rotated about a point, so that the direction ``arm`` turns towards ``to``."""
     axis = np.cross(arm, to)
     length = np.linalg.norm(axis)

@@ -54,7 +54,7 @@ class Panel:
     ) -> UInt8:
         """Returns an image (H, W, 3) of a scene with lines of text (x, y, text, size, align)."""
         self.renderer.draw(scene, view)
-        with self.canvas.over(self.renderer.picture.resolved):
+        with self.canvas.draw_over(self.renderer.picture.resolved):
             for x, y, text, size, align in texts:
                 self.canvas.text(x + 1, y + 1, text, size, (0.0, 0.0, 0.0, 0.5), align=align)
                 self.canvas.text(x, y, text, size, _INK if size > 16 else _QUIET, align=align)
@@ -90,7 +90,7 @@ class Studio:
                     see(shot)
                     picture = self.picture(play, number, shot, strip)
                     if writer.count % every == 0:
-                        tiles.append(Tile(writer.count / RATE, _smaller(picture, _TILE_WIDTH)))
+                        tiles.append(Tile(writer.count / RATE, _halve_image(picture, _TILE_WIDTH)))
                     writer.add(picture)
             write_sheet(
                 path.with_suffix(".png"), tiles, 4, plays[0].act.title, format_time(writer.count / RATE)
@@ -109,7 +109,7 @@ class Studio:
             [
                 (margin, margin, "Performer", self._text, 0.0),
                 (margin, margin + line, Path(play.act.take).stem.replace("_", " "), self._small, 0.0),
-                (width - margin, height - 2 * margin, _pace(play, shot), self._small, 1.0),
+                (width - margin, height - 2 * margin, _format_pace(play, shot), self._small, 1.0),
             ],
         )
         act, points = play.act, len(play.puppet.points)
@@ -118,7 +118,7 @@ class Studio:
         actor = SceneCharacter(play.character, shot.pose, vertices=shot.vertices)
         right = self._right.draw(
             Scene((actor,), (), SceneStyle(body=0.0, reveal=0.0, cues=0.0, graph=0.55)),
-            self._right.view(puppet, half_of(play), azimuth),
+            self._right.view(puppet, compute_half_size(play), azimuth),
             [
                 (margin, margin, act.title, self._text, 0.0),
                 (margin, margin + line, f"{title}  ·  {shown}", self._small, 0.0),
@@ -129,7 +129,7 @@ class Studio:
 
     def strip(self, play: Play) -> UInt8:
         """Returns an image (h, w, 3) of the key poses, one below the other."""
-        half, pictures = 0.9 * half_of(play), []
+        half, pictures = 0.9 * compute_half_size(play), []
         azimuth = math.radians(play.shown.azimuth)
         surface = play.surface()
         size = self._thumb.size
@@ -146,19 +146,19 @@ class Studio:
         return strip
 
 
-def half_of(play: Play) -> Float:
+def compute_half_size(play: Play) -> Float:
     """Returns (3,) half the size of the box that the camera shows."""
     low, high = play.puppet.mesh.bounds
     reach = 1.15 * max(high[0] - low[0], high[2] - low[2]) / 2
     return np.array([reach, max(0.64 * play.act.height, 0.3 * reach), 0.6 * reach])
 
 
-def _pace(play: Play, shot: Shot) -> str:
+def _format_pace(play: Play, shot: Shot) -> str:
     """Returns the time in the take, and the speed if it is not 1, as text."""
     slow = "" if play.shown.speed == 1.0 else f"  ·  {play.shown.speed:g} of its speed"
     return format_time(shot.seconds) + slow
 
 
-def _smaller(picture: UInt8, width: int) -> UInt8:
+def _halve_image(picture: UInt8, width: int) -> UInt8:
     height = round(picture.shape[0] * width / picture.shape[1])
     return np.asarray(Image.fromarray(picture).resize((width, height), Image.Resampling.LANCZOS), np.uint8)

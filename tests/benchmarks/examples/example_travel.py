@@ -29,7 +29,7 @@ from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.edits import change_layers
-from enliven.modeling.puppet.suggest import suggested_puppet
+from enliven.modeling.puppet.suggest import suggest_puppet
 from enliven.motion_clips.take_files import read_take
 from enliven.skeletons.facing import find_facing, rotate_about_y
 
@@ -85,26 +85,26 @@ class Travelled:
         return f"{summary}: {self.pairs}"
 
 
-def travels() -> Iterator[Travelled]:
+def list_travels() -> Iterator[Travelled]:
     """Yields every mesh in every performance, if their files exist."""
     for mesh, table in MESHES.items():
         for take, file in {**STAYS, **GOES}.items():
             if (DATA / table.file).is_file() and (DATA / file).is_file():
-                yield travelled(mesh, take)
+                yield compute_travel(mesh, take)
 
 
-def travelled(mesh: str, take: str) -> Travelled:
+def compute_travel(mesh: str, take: str) -> Travelled:
     """Returns the travel of a mesh in a performance."""
-    project = posed(mesh_named(mesh), clip_named(take))
+    project = posed(load_mesh_by_name(mesh), load_clip_by_name(take))
     puppet = project.puppets["it"]
     motion = solve_layer_motion(project, puppet, 0)
     points = [point.joint + "*" * point.foot for point in puppet.points]
-    return Travelled(mesh, take, _offset(motion), slide(motion), ", ".join(points))
+    return Travelled(mesh, take, _compute_offset(motion), slide(motion), ", ".join(points))
 
 
 def posed(mesh: Mesh, clip: Clip) -> Project:
     """Returns a suggested puppet "it" that plays a clip in a loop, with each point posed like its joint."""
-    project = suggested_puppet(Project().with_takes(clip), mesh, clip.id, "it")
+    project = suggest_puppet(Project().with_takes(clip), mesh, clip.id, "it")
     puppet = project.puppets["it"]
     size = np.ptp(mesh.vertices, axis=0).max() / np.ptp(clip.skeleton.positions, axis=0).max()
     took = extract_performer_clip(clip, [point.joint for point in puppet.points])
@@ -119,14 +119,14 @@ def posed(mesh: Mesh, clip: Clip) -> Project:
 
 
 @lru_cache
-def mesh_named(name: str) -> Mesh:
+def load_mesh_by_name(name: str) -> Mesh:
     """Returns one of :data:`MESHES`, upright and scaled."""
     table = MESHES[name]
     return fit_mesh(load_mesh(DATA / table.file)[0], table)
 
 
 @lru_cache
-def clip_named(name: str) -> Clip:
+def load_clip_by_name(name: str) -> Clip:
     """Returns one of :data:`STAYS` or :data:`GOES`."""
     return read_take(DATA / {**STAYS, **GOES}[name])[0]
 
@@ -140,7 +140,7 @@ def slide(motion: PuppetMotion) -> float:
     return float(np.linalg.norm(moved, axis=1).mean() / motion.step * 100.0) if len(frames) else 0.0
 
 
-def _offset(motion: PuppetMotion) -> float:
+def _compute_offset(motion: PuppetMotion) -> float:
     """Returns the distance from the performer's path, which continues from loop to loop, metres."""
     rounds = int(np.ceil(SECONDS / ((motion.frames - 1) * motion.step))) - 1
     turn, path = float(motion.yaw[-1]), motion.path[-1]

@@ -98,11 +98,11 @@ def write_take(path: Path) -> None:
     count = round(_MOMENTS[-1].second * RATE) + 1
     with Recorder(path) as recorder:
         for frame in range(count):
-            body = Body(1, _joints(frame / RATE), np.ones(len(Joint)))
+            body = Body(1, _make_joints(frame / RATE), np.ones(len(Joint)))
             recorder.write_frame(BodyFrame([body], 10**9 + round(frame * 1e9 / RATE), "made"))
 
 
-def _joints(second: float) -> Float:
+def _make_joints(second: float) -> Float:
     """Returns the joints (20, 3), metres, of a performer that faces +Z."""
     times = [moment.second for moment in _MOMENTS]
     after = min(int(np.searchsorted(times, second, "right")), len(times) - 1)
@@ -144,19 +144,19 @@ def cactus(workspace: Workspace, folder: Path) -> Actions:
     save_mesh(load_sample("cactus"), folder / f"{CACTUS}.ply")
     write_take(folder / f"{TAKE}.mcap")
     yield Say("Open any mesh. It needs no skeleton")
-    yield from _opened(f"{CACTUS}.ply", folder)
+    yield from _open_file(f"{CACTUS}.ply", folder)
     yield Key("k")
     yield Key("1")
     yield Wait(1.0)
     yield Say("...and somebody's performance")
-    yield from _opened(f"{TAKE}.mcap", folder)
+    yield from _open_file(f"{TAKE}.mcap", folder)
     yield Click(Widget("takes"))
     yield Wait(0.3)
     yield Click(Widget(f"pick {TAKE}"))
     yield Wait(0.5)
     yield Say("Click where you would hold it. Rings are suggestions")
     yield Click(Widget("symmetric"))
-    yield from _points(workspace)
+    yield from _add_points(workspace)
     yield Say("Which joint does it follow? Click it")
     yield Click(OnPuppet(CACTUS, point=0))
     yield Click(PerformerJoint("head"))
@@ -169,9 +169,9 @@ def cactus(workspace: Workspace, folder: Path) -> Actions:
     yield Key("escape")
     yield Click(Widget("both sides"))
     yield Say("A suggested moment: drag what that pose means")
-    yield from _posed(workspace)
+    yield from _pose_puppet(workspace)
     yield Say("One more example")
-    yield from _posed(workspace)
+    yield from _pose_puppet(workspace)
     yield Click(Widget("pose Done"))
     yield Key("escape")
     yield Say("Two examples, and it acts")
@@ -181,9 +181,9 @@ def cactus(workspace: Workspace, folder: Path) -> Actions:
     yield Key("space")
     yield Say("The line shows where an example is missing")
     yield Wait(1.2)
-    yield from _posed(workspace)
+    yield from _pose_puppet(workspace)
     yield Say("The outline is the key pose before")
-    yield from _posed(workspace)
+    yield from _pose_puppet(workspace)
     yield Click(Widget("pose Done"))
     yield Key("escape")
     yield Say("Four examples: any such motion follows")
@@ -198,7 +198,7 @@ def cactus(workspace: Workspace, folder: Path) -> Actions:
     yield Say("It jumps when the performer does; or earlier")
     yield from _switch(workspace)
     yield Say("The whole, as a GLB for any program")
-    yield from _exported(workspace, folder)
+    yield from _export_glb(workspace, folder)
     yield Key("q")
     yield Key("home")
     yield Key("f")
@@ -209,7 +209,7 @@ def cactus(workspace: Workspace, folder: Path) -> Actions:
     yield Wait(4.5)
 
 
-def _opened(name: str, folder: Path) -> Actions:
+def _open_file(name: str, folder: Path) -> Actions:
     """Opens a file in the dialog."""
     yield Key("ctrl+o")
     yield Do(lambda workspace: workspace.browser.enter(folder))
@@ -220,7 +220,7 @@ def _opened(name: str, folder: Path) -> Actions:
     yield Wait(0.8)
 
 
-def _points(workspace: Workspace) -> Actions:
+def _add_points(workspace: Workspace) -> Actions:
     """Adds control points to head, hands and elbows, as suggested, and to the pot, on both sides."""
     mesh = workspace.editor.project.puppets[CACTUS].mesh
     for at in ((0.0, 1.33, 0.06), (0.44, 1.07, 0.0), (0.40, 0.66, 0.06), (0.15, 0.02, 0.17)):
@@ -230,26 +230,26 @@ def _points(workspace: Workspace) -> Actions:
     yield Key("escape")
 
 
-def _posed(workspace: Workspace) -> Actions:
+def _pose_puppet(workspace: Workspace) -> Actions:
     """Poses the puppet like the performer at the first suggested time: the arms, then the head."""
     yield Click(Widget("suggested 1"))
     yield Wait(0.9)
     puppet, key = workspace.puppets.puppet, workspace.puppets.key
     assert puppet is not None and key is not None
     take = workspace.editor.project.takes[key.take]
-    meant = _meant(workspace, key.time)
+    meant = _compute_meant(workspace, key.time)
     for number, point in enumerate(puppet.points):
-        wanted = meant.get(_role(point.joint))
+        wanted = meant.get(_find_role(point.joint))
         if wanted is None or np.linalg.norm((key.places[number] - wanted)[:2]) < 0.03:
             continue
         standing = workspace.puppets.stage.find(CACTUS)
         assert standing is not None
-        yield Drag((OnPuppet(CACTUS, point=number), _spot(standing.to_world(wanted[None])[0])), 0.8)
+        yield Drag((OnPuppet(CACTUS, point=number), _edit_spot(standing.to_world(wanted[None])[0])), 0.8)
     assert isinstance(take, Clip)
     yield Wait(0.4)
 
 
-def _role(joint: str) -> str:
+def _find_role(joint: str) -> str:
     """Returns the body part of a control point: "left hand", "left elbow", "head", or an empty string."""
     for part, words in (("hand", ("hand", "wrist")), ("elbow", ("elbow",)), ("head", ("head",))):
         if any(word in joint for word in words):
@@ -258,7 +258,7 @@ def _role(joint: str) -> str:
     return ""
 
 
-def _meant(workspace: Workspace, second: float) -> dict[str, Float]:
+def _compute_meant(workspace: Workspace, second: float) -> dict[str, Float]:
     """Returns the positions (3,), metres, to which an artist would drag head, elbows and hands for a pose."""
     joints = workspace.state(PerformerView).figure((TAKE, second)).joints
     names = workspace.editor.project.takes[TAKE].skeleton.names
@@ -269,8 +269,8 @@ def _meant(workspace: Workspace, second: float) -> dict[str, Float]:
     lean = at["head"][0] - at["hip center"][0]
     places["head"] = np.array([1.3 * lean, 1.3 - 1.2 * max(rest - tall, 0.0), 0.0])
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        upper = _unit(at[f"elbow {side}"] - at[f"shoulder {side}"])
-        fore = _unit(at[f"wrist {side}"] - at[f"elbow {side}"])
+        upper = _normalize_vector(at[f"elbow {side}"] - at[f"shoulder {side}"])
+        fore = _normalize_vector(at[f"wrist {side}"] - at[f"elbow {side}"])
         shoulder = np.array([sign * 0.13 + 0.5 * lean, 0.66 - 0.3 * max(rest - tall, 0.0), 0.0])
         elbow = shoulder + 0.30 * (0.65 * upper + 0.55 * np.array([sign, 0.0, 0.0]))
         hand = elbow + 0.40 * fore
@@ -280,12 +280,12 @@ def _meant(workspace: Workspace, second: float) -> dict[str, Float]:
     return places
 
 
-def _unit(way: Float) -> Float:
+def _normalize_vector(way: Float) -> Float:
     flat = way * [1.0, 1.0, 0.0]
     return np.asarray(flat / max(float(np.linalg.norm(flat)), 0.3))
 
 
-def _spot(place: Float) -> Place:
+def _edit_spot(place: Float) -> Place:
     return Spot(float(place[0]), float(place[1]), float(place[2]))
 
 
@@ -309,7 +309,7 @@ def _switch(workspace: Workspace) -> Actions:
         yield Key("space")
 
 
-def _exported(workspace: Workspace, folder: Path) -> Actions:
+def _export_glb(workspace: Workspace, folder: Path) -> Actions:
     yield Key("ctrl+e")
     yield Do(lambda workspace: workspace.browser.enter(folder))
     yield Wait(0.6)

@@ -328,7 +328,7 @@ def main(arguments: list[str]) -> int:
         print(f"There is no session {unknown[0]!r}. Known: {', '.join(all_names)}.", file=sys.stderr)
         return 2
     if not check and sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
-        return _under_xvfb(arguments)
+        return _run_under_xvfb(arguments)
     for name in names:
         with tempfile.TemporaryDirectory() as folder:
             how = SIZE if name in SESSIONS else LARGE
@@ -349,7 +349,7 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _under_xvfb(arguments: list[str]) -> int:
+def _run_under_xvfb(arguments: list[str]) -> int:
     """Runs the same command on an Xvfb screen."""
     if shutil.which("xvfb-run") is None:
         print("There is no display, and no xvfb-run to make one: apt install xvfb", file=sys.stderr)

@@ -117,7 +117,7 @@ def _sitting(workspace: Workspace, edge: RealEdge) -> Actions:
     yield from recorded(workspace, "creature", "3")
     yield Say("Arms and legs, layer over layer")
     yield Wait(3.5)
-    yield from _remodelled(workspace)
+    yield from _remodel(workspace)
     yield Say("Perform again, on the edited creature")
     yield Key("ctrl+1")
     yield Key("home")
@@ -162,7 +162,7 @@ def recorded(workspace: Workspace, name: str, parts: str, seconds: float = 4.5) 
         raise AssertionError(f"nothing of the {name} was recorded")
 
 
-def _remodelled(workspace: Workspace) -> Actions:
+def _remodel(workspace: Workspace) -> Actions:
     """Cuts off an arm and merges it onto the head while everything plays."""
     editor = workspace.editor
     yield Key("ctrl+2")

@@ -64,7 +64,7 @@ def _sitting(workspace: Workspace, edge: RealEdge) -> Actions:
     yield Wait(3.5)
     yield Say("A puppet comes to it")
     yield Key("ctrl+2")
-    yield Do(_cactus)
+    yield Do(_replace_back)
     yield Key("f")
     yield Key("1")
     yield Wait(0.6)
@@ -73,7 +73,7 @@ def _sitting(workspace: Workspace, edge: RealEdge) -> Actions:
     yield Wait(0.3)
     yield Click(Widget("pick take 1"))
     yield Wait(2.5)
-    yield from _seated(workspace)
+    yield from _seat_cactus(workspace)
     yield Say("Perform again, on what came of the two")
     yield Key("ctrl+enter")
     states = workspace.perform.sender.states
@@ -88,11 +88,11 @@ def _sitting(workspace: Workspace, edge: RealEdge) -> Actions:
     yield Wait(5.0)
 
 
-def _cactus(workspace: Workspace) -> None:
+def _replace_back(workspace: Workspace) -> None:
     add_sample(workspace.editor, "cactus")
 
 
-def _seated(workspace: Workspace) -> Actions:
+def _seat_cactus(workspace: Workspace) -> Actions:
     """Cuts off the chair's back while everything plays, and merges the cactus onto its seat."""
     editor = workspace.editor
     yield Say("Cut the back off while both play")
@@ -119,12 +119,12 @@ def _seated(workspace: Workspace) -> Actions:
         yield Key("q")
     yield Say("...and give it a cactus instead")
     yield Key("g")
-    target = seat_top(editor) - np.array([0.0, _SUNK, 0.0])
+    target = find_seat_top(editor) - np.array([0.0, _SUNK, 0.0])
     beside = target + np.array([_ASIDE, 0.0, 0.0])
-    yield from _carried(editor, "3", beside)
-    yield from _carried(editor, "1", beside)
+    yield from _carry_cactus(editor, "3", beside)
+    yield from _carry_cactus(editor, "1", beside)
     foot = lowest(editor, "cactus")
-    yield Drag(_over(foot, foot - np.array([_ASIDE, 0.0, 0.0])), 1.0, shift=True)
+    yield Drag(_make_drag_over(foot, foot - np.array([_ASIDE, 0.0, 0.0])), 1.0, shift=True)
     yield from until(lambda: list(editor.project.characters) == ["chair"], "the merge")
     yield Say("Chair and cactus are one; all motion is kept")
     yield Key("f")
@@ -132,7 +132,7 @@ def _seated(workspace: Workspace) -> Actions:
     yield Wait(4.0)
 
 
-def _carried(editor: Editor, view: str, target: Float) -> Actions:
+def _carry_cactus(editor: Editor, view: str, target: Float) -> Actions:
     """Drags the cactus in a view until its lowest point is at a target, except for the view's depth.
 
     The pointer grabs the surface in front of that point. This surface is nearer to the camera, so one drag is
@@ -147,16 +147,16 @@ def _carried(editor: Editor, view: str, target: Float) -> Actions:
         left = (target - foot) * across
         if np.abs(left).max() < _NEAR:
             return
-        yield Drag(_over(foot, foot + left), seconds)
+        yield Drag(_make_drag_over(foot, foot + left), seconds)
         yield Wait(0.2)
 
 
-def _over(*places: Float) -> tuple[Near, ...]:
+def _make_drag_over(*places: Float) -> tuple[Near, ...]:
     """Returns a drag of the cactus by its pot that moves its foot over the positions (3,), metres."""
     return tuple(Near(Spot(*map(float, place)), 0.0, -_OVER) for place in places)
 
 
-def seat_top(editor: Editor) -> Float:
+def find_seat_top(editor: Editor) -> Float:
     """Returns (3,) the top of the middle of the seat at its current position, metres."""
     vertices = editor.stage_character("chair").vertices
     middle = (vertices.min(0) + vertices.max(0)) / 2

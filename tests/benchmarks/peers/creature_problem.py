@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 from creatures import Creature, random_creature
-from embedded_problem import as_live
+from embedded_problem import wait_as_live
 from plain_gauss_newton import PlainGaussNewton
 
 from enliven.arrays import Bool, Float
@@ -45,29 +45,29 @@ class CreatureRun:
 
 
 @cache
-def creatures(nodes: int) -> list[Creature]:
+def make_creatures(nodes: int) -> list[Creature]:
     """Returns the ten creatures of one size."""
     return [random_creature(seed, nodes, FRAMES) for seed in range(CREATURES)]
 
 
-def measured(nodes: int, compare: bool, budget_ms: float = 0.0) -> CreatureRun:
+def measure_frames(nodes: int, compare: bool, budget_ms: float = 0.0) -> CreatureRun:
     """Returns the shortest time of each frame in several passes, and the gaps to a plain Gauss-Newton that
     starts from the results.
     """
     times, gaps, settled = [], [], []
-    for creature in creatures(nodes):
+    for creature in make_creatures(nodes):
         solver = EmbeddedSolver(creature.graph, creature.points, EmbeddedSettings(budget_ms=budget_ms))
         peer, passes = PlainGaussNewton(creature.graph, creature.points), []
         for turn in range(REPEATS):
             solver.reset()
             each = []
             for frame, targets in enumerate(creature.targets):
-                as_live(solver)
+                wait_as_live(solver)
                 start = time.thread_time_ns()
                 solver.solve(targets)
                 each.append(1e-6 * (time.thread_time_ns() - start))
                 if compare and turn == 0 and frame >= WARM and frame % COMPARED == 0:
-                    differences = _gap(peer, solver, targets)
+                    differences = _compute_gap(peer, solver, targets)
                     gaps += differences
                     settled += [solver.is_settled] * len(differences)
             passes.append(each)
@@ -75,7 +75,7 @@ def measured(nodes: int, compare: bool, budget_ms: float = 0.0) -> CreatureRun:
     return CreatureRun(np.concatenate(times), np.array(gaps), np.array(settled, bool))
 
 
-def _gap(peer: PlainGaussNewton, solver: EmbeddedSolver, targets: Float) -> list[float]:
+def _compute_gap(peer: PlainGaussNewton, solver: EmbeddedSolver, targets: Float) -> list[float]:
     """Returns the frame's relative excess over the minimum, or an empty list if there is no valid minimum."""
     peer.set_targets(targets)
     x, least, _ = peer.solve(peer.pack(solver.state()), lambda energy: False)

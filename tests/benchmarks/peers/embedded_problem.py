@@ -69,7 +69,7 @@ def problem(nodes: int) -> list[Problem]:
     return out
 
 
-def as_live(solver: EmbeddedSolver) -> None:
+def wait_as_live(solver: EmbeddedSolver) -> None:
     """Waits until the solver's background thread has finished the last frame, as between two sensor frames.
 
     At 30 frames per second that thread finishes in time. Without the pause, each frame would wait for it and

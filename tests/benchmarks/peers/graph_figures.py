@@ -29,31 +29,31 @@ NODES, RUNS = 128, 5
 
 def figures() -> Iterator[Figure]:
     """Yields ``embedded.graph_s_1m`` and the figures of five million faces."""
-    mesh = folded_sphere(1_000_000)
-    ours = _median(lambda: character_from_graph(mesh, DeformationGraph.build(mesh, NODES), "mesh"))
-    theirs = _median(lambda: plain(mesh))
+    mesh = make_folded_sphere(1_000_000)
+    ours = _time_median(lambda: character_from_graph(mesh, DeformationGraph.build(mesh, NODES), "mesh"))
+    theirs = _time_median(lambda: build_plain_graph(mesh))
     yield Figure(
         "embedded.graph_s_1m", ours, "s", "trimesh sampling + scipy kd-tree, Euclidean", theirs / ours
     )
     # It runs in a separate process, since peak memory is measured per process.
     with ProcessPoolExecutor(1, get_context("spawn")) as alone:
-        seconds, peak_mib = alone.submit(_large).result()
+        seconds, peak_mib = alone.submit(_measure_large).result()
     yield Figure("embedded.graph_s_5m_faces", seconds, "s")
     yield Figure("embedded.graph_peak_mib_5m_faces", peak_mib, "MiB")
 
 
-def _large() -> tuple[float, float]:
+def _measure_large() -> tuple[float, float]:
     """Returns the seconds for five million faces, and the process' peak memory in MiB, including 115 for the
     mesh."""
-    small = folded_sphere(2000)
+    small = make_folded_sphere(2000)
     character_from_graph(small, DeformationGraph.build(small, NODES), "warm")
-    large = folded_sphere(2_500_000)
+    large = make_folded_sphere(2_500_000)
     start = time.perf_counter()
     character_from_graph(large, DeformationGraph.build(large, NODES), "mesh")
-    return time.perf_counter() - start, _peak_mib()
+    return time.perf_counter() - start, _measure_peak_mib()
 
 
-def folded_sphere(vertices: int) -> Mesh:
+def make_folded_sphere(vertices: int) -> Mesh:
     """Returns a closed surface of about ``vertices`` vertices, 1.75 m tall, with five deep folds along it."""
     rings = max(int(np.sqrt(vertices / 2)), 3)
     around = 2 * rings
@@ -76,7 +76,7 @@ def folded_sphere(vertices: int) -> Mesh:
     return Mesh(np.concatenate([points, tips]), np.concatenate([faces, *ends]), "folded sphere")
 
 
-def plain(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def build_plain_graph(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Builds the peer's graph: nodes (N, 3), edges (E, 2), and each vertex's nodes and weights (V, 4)."""
     whole = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     darts, _ = trimesh.sample.sample_surface(whole, 80 * NODES, seed=0)
@@ -99,7 +99,7 @@ def plain(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     )
 
 
-def _median(job: Callable[[], object]) -> float:
+def _time_median(job: Callable[[], object]) -> float:
     """Returns the median seconds, after one run that compiles."""
     job()
     took = []
@@ -110,7 +110,7 @@ def _median(job: Callable[[], object]) -> float:
     return float(np.median(took))
 
 
-def _peak_mib() -> float:
+def _measure_peak_mib() -> float:
     """Returns this process' peak memory. getrusage would include its parent's."""
     status = Path("/proc/self/status")
     if status.exists():

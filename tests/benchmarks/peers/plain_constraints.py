@@ -24,7 +24,7 @@ def evaluated(project: Project, shape_id: str, times: np.ndarray) -> np.ndarray:
 def _frame(project, shape, seconds):
     posed = {}
     for layer in shape.layers:
-        posed[layer.id] = _posed(project.takes[layer.take], layer, seconds)
+        posed[layer.id] = _pose_source(project.takes[layer.take], layer, seconds)
     skeleton = shape.skeleton
     joints, matrices = np.empty((len(skeleton), 3)), [None] * len(skeleton)
     travel = shape.layer(shape.travel)
@@ -36,9 +36,9 @@ def _frame(project, shape, seconds):
         for span in shape.spans[j]:
             first = last = np.array([1.0, 0.0, 0.0, 0.0])
             for ref in span.refs:
-                first = _times(first, _at(posed[ref.layer], ref.start))
-                last = _times(last, _at(posed[ref.layer], ref.end))
-            own = own @ _matrix(_times(_back(first), last))
+                first = _times(first, _rotation_at(posed[ref.layer], ref.start))
+                last = _times(last, _rotation_at(posed[ref.layer], ref.end))
+            own = own @ _matrix(_times(_invert_quaternion(first), last))
         if parent < 0:
             matrices[j] = own
             joints[j] = skeleton.positions[0] + shape.place + way
@@ -48,7 +48,7 @@ def _frame(project, shape, seconds):
     return joints
 
 
-def _posed(clip, layer, seconds):
+def _pose_source(clip, layer, seconds):
     """Returns the source at a time: arc length at the joints of its chain, rotations there, and the root's
     position.
     """
@@ -63,17 +63,17 @@ def _posed(clip, layer, seconds):
         arc.append(1.0)
     else:
         first = layer.chain[0]
-        start = _back(_slerp(clip.turns[low, first], clip.turns[low + 1, first], part))
+        start = _invert_quaternion(_slerp(clip.turns[low, first], clip.turns[low + 1, first], part))
         for joint in layer.chain[1:]:
             turn = _slerp(clip.turns[low, joint], clip.turns[low + 1, joint], part)
             knots.append(_times(start, turn))
             arc.append(arc[-1] + float(np.linalg.norm(clip.skeleton.vectors[joint])))
     basis = layer.basis
-    turned = [_times(_times(basis, knot), _back(basis)) for knot in knots]
+    turned = [_times(_times(basis, knot), _invert_quaternion(basis)) for knot in knots]
     return np.array(arc) / arc[-1], turned, root
 
 
-def _at(posed, s):
+def _rotation_at(posed, s):
     """Returns the rotation accumulated up to arc length ``s``."""
     arc, knots, _ = posed
     k = min(int(np.searchsorted(arc, s, side="right")) - 1, len(arc) - 2)
@@ -93,7 +93,7 @@ def _times(a, b):
     )
 
 
-def _back(q):
+def _invert_quaternion(q):
     return q * np.array([1.0, -1.0, -1.0, -1.0])
 
 

@@ -50,7 +50,7 @@ def candidates(graph: nx.Graph) -> list[tuple[int, list[np.ndarray]]]:
     return branches
 
 
-def ranked(
+def rank_choices(
     found: list[tuple[int, list[np.ndarray]]], source: np.ndarray, axes: np.ndarray, blur: float
 ) -> list[tuple[float, int]]:
     """Returns score and root of every choice of branches, sorted by score. A choice has the same number of

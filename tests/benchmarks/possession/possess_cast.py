@@ -46,7 +46,7 @@ def scan_in_world(pcd: Path, table: Path, body: Body) -> Mesh:
     return Mesh(mesh.vertices @ level.T + offset, mesh.faces, "scan")
 
 
-def as_if_by(own: Body, frames: list[BodyFrame], begin_ns: int) -> list[BodyFrame]:
+def retarget_to_person(own: Body, frames: list[BodyFrame], begin_ns: int) -> list[BodyFrame]:
     """Returns one person's motion retargeted to another person's initial posture and size.
 
     Each bone rotates from its own direction by the source bone's rotation since the first frame. The first
@@ -70,13 +70,13 @@ def as_if_by(own: Body, frames: list[BodyFrame], begin_ns: int) -> list[BodyFram
     return moved
 
 
-def held_still(body: Body, seconds: float) -> list[BodyFrame]:
+def repeat_body(body: Body, seconds: float) -> list[BodyFrame]:
     """Returns one body repeated for ``seconds``."""
     count = round(seconds * 1e9 / _STEP_NS)
     return [BodyFrame([body], n * _STEP_NS, "still") for n in range(count)]
 
 
-def danced(moves: str, fps: float = 30.0) -> list[BodyFrame]:
+def make_dance(moves: str, fps: float = 30.0) -> list[BodyFrame]:
     """Returns a motion of the project's synthetic performer, with every joint visible."""
     performer = Performer()
     plan = get_exercise(moves) if moves in exercise_names() else get_choreography(moves)
@@ -98,7 +98,7 @@ def cut(frames: list[BodyFrame], *pieces: tuple[float, float]) -> list[BodyFrame
     return joined
 
 
-def shared_by(path: Path, bodies: list[Body]) -> Mesh:
+def load_shared_mesh(path: Path, bodies: list[Body]) -> Mesh:
     """Returns a mesh from a file, scaled and placed so that these people stand in it."""
     middle = np.mean([body.joints[Joint.HIP_CENTER] for body in bodies], axis=0) * [1.0, 0.0, 1.0]
     figures = [body.joints - middle for body in bodies]

@@ -22,7 +22,15 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "helpers"))
 sys.path.insert(0, str(Path(__file__).parents[3] / "scripts"))
 
 from known_bodies import BODIES
-from possess_cast import actor_of, as_if_by, cut, danced, held_still, scan_in_world, shared_by
+from possess_cast import (
+    actor_of,
+    cut,
+    load_shared_mesh,
+    make_dance,
+    repeat_body,
+    retarget_to_person,
+    scan_in_world,
+)
 from possess_measures import measure
 from possess_studio import Studio
 from possess_take import Act, perform
@@ -71,32 +79,46 @@ SCAN = "scans/bodyscanner_kinect2/20190823_020756"
 TRUNK = "legs + torso"
 
 
-def real_films() -> dict[str, Film]:
+def list_real_films() -> dict[str, Film]:
     """Returns, by name, the films that need the real recordings."""
     wide = replace(RAISED, enough=0.7)
     return {
-        "chair": Film("The chair, by a Kinect's skeleton", _of("chair", LIFT), (Act(0.45),)),
+        "chair": Film(
+            "The chair, by a Kinect's skeleton", _load_mesh_and_recording("chair", LIFT), (Act(0.45),)
+        ),
         # It starts when the feet pass each other. In mid-stride, a person's legs do not match a chair's legs.
         "chair-walk": Film(
-            "The chair walks, by motion capture", _of("chair", STROLL, (0.6, 9.0)), (Act(0.0, TRUNK),)
+            "The chair walks, by motion capture",
+            _load_mesh_and_recording("chair", STROLL, (0.6, 9.0)),
+            (Act(0.0, TRUNK),),
         ),
         # The chair's legs are farther apart than a person's, so more points of each leg's bones must be
         # attached.
-        "real-chair": Film("A chair from a game", _of(CHAIR, LIFT, settings=wide), (Act(0.45, TRUNK),)),
-        "horse": Film("A horse, by one Kinect's skeleton", _of(HORSE, LIFT), (Act(0.45, TRUNK),)),
+        "real-chair": Film(
+            "A chair from a game", _load_mesh_and_recording(CHAIR, LIFT, settings=wide), (Act(0.45, TRUNK),)
+        ),
+        "horse": Film(
+            "A horse, by one Kinect's skeleton", _load_mesh_and_recording(HORSE, LIFT), (Act(0.45, TRUNK),)
+        ),
         # The sensor placed this person's right arm inside their thigh, so that arm is not attached.
         "scan": Film(
             "Half a scan of a person, by their own joints", _scan, (Act(0.6, f"{TRUNK} + left arm"),)
         ),
         "two-on-a-horse": Film(
-            "Two people, one horse", _two, (Act(0.4, TRUNK, 0), Act(0.8, TRUNK, 1, "join"))
+            "Two people, one horse", _make_two_people, (Act(0.4, TRUNK, 0), Act(0.8, TRUNK, 1, "join"))
         ),
-        "t-pose": Film("A T-posed woman comes to her performer's pose", _stepped_into(WAVE), (Act(1.3),)),
+        "t-pose": Film(
+            "A T-posed woman comes to her performer's pose", _load_stepped_into(WAVE), (Act(1.3),)
+        ),
         "t-pose-before": Film(
-            "A T-posed woman, held where bones are near", _stepped_into(WAVE, meets=False), (Act(1.3),)
+            "A T-posed woman, held where bones are near", _load_stepped_into(WAVE, meets=False), (Act(1.3),)
         ),
-        "lamp": Film("The lamp, by hip and right arm", _of("lamp", WAVE), (Act(1.3, LAMP_PARTS),)),
-        "lamp-wing": Film("The lamp, by hip and right arm", _of("lamp", WING), (Act(2.2, LAMP_PARTS),)),
+        "lamp": Film(
+            "The lamp, by hip and right arm", _load_mesh_and_recording("lamp", WAVE), (Act(1.3, LAMP_PARTS),)
+        ),
+        "lamp-wing": Film(
+            "The lamp, by hip and right arm", _load_mesh_and_recording("lamp", WING), (Act(2.2, LAMP_PARTS),)
+        ),
     }
 
 
@@ -106,15 +128,19 @@ LAMP_PARTS = "hip and right arm"
 def films() -> dict[str, Film]:
     """Returns, by name, the films that can be made on this machine."""
     own_films = {
-        "made-chair": Film("The chair, by the project's own performer", _made("chair", "chair"), (Act(1.0),)),
+        "made-chair": Film(
+            "The chair, by the project's own performer", _create_own_mesh("chair", "chair"), (Act(1.0),)
+        ),
         "made-lamp": Film(
-            "The lamp, by the project's own performer", _made("lamp", "overhead"), (Act(1.65, LAMP_PARTS),)
+            "The lamp, by the project's own performer",
+            _create_own_mesh("lamp", "overhead"),
+            (Act(1.65, LAMP_PARTS),),
         ),
     }
-    return {**(real_films() if DATA.is_dir() else {}), **own_films}
+    return {**(list_real_films() if DATA.is_dir() else {}), **own_films}
 
 
-def _of(
+def _load_mesh_and_recording(
     mesh: str,
     recording: str,
     piece: tuple[float, float] | None = None,
@@ -130,7 +156,9 @@ def _of(
     return made
 
 
-def _stepped_into(recording: str, meets: bool = True) -> Callable[[], tuple[list[BodyFrame], EmbeddedActor]]:
+def _load_stepped_into(
+    recording: str, meets: bool = True
+) -> Callable[[], tuple[list[BodyFrame], EmbeddedActor]]:
     """Returns a function that loads a woman of the project's ten bodies in a T-pose, and a recording of
     another pose."""
 
@@ -141,29 +169,29 @@ def _stepped_into(recording: str, meets: bool = True) -> Callable[[], tuple[list
     return made
 
 
-def _made(mesh: str, moves: str) -> Callable[[], tuple[list[BodyFrame], EmbeddedActor]]:
+def _create_own_mesh(mesh: str, moves: str) -> Callable[[], tuple[list[BodyFrame], EmbeddedActor]]:
     """Returns a function that creates one of the project's own meshes, and its synthetic performer."""
-    return lambda: (danced(moves), create_actor(mesh, settings=RAISED))
+    return lambda: (make_dance(moves), create_actor(mesh, settings=RAISED))
 
 
 def _scan() -> tuple[list[BodyFrame], EmbeddedActor]:
     """Returns the person's own joints for a moment, then other people's motions retargeted to this person."""
     own = read(f"{SCAN}.csv")[0].bodies[0]
-    frames = held_still(own, 1.2)
+    frames = repeat_body(own, 1.2)
     for other in (
         read(WING),
         [frame for frame in mirror_frames(iter(read(WAVE))) if isinstance(frame, BodyFrame)],
     ):
-        frames += as_if_by(own, other, frames[-1].time_ns + 33_333_333)
+        frames += retarget_to_person(own, other, frames[-1].time_ns + 33_333_333)
     mesh = scan_in_world(DATA / f"{SCAN}.pcd", DATA / f"{SCAN}.csv", own)
     return frames, actor_of(Mesh(mesh.vertices, mesh.faces, "scan"))
 
 
-def _two() -> tuple[list[BodyFrame], EmbeddedActor]:
+def _make_two_people() -> tuple[list[BodyFrame], EmbeddedActor]:
     """Returns two people next to each other, who walk one after the other, and a horse that both possess."""
     frames = cut(read(TWO), (1.2, 7.9), (17.2, 26.6))
     bodies = sorted(frames[0].bodies, key=lambda body: body.id)
-    mesh = shared_by(DATA / HORSE, bodies)
+    mesh = load_shared_mesh(DATA / HORSE, bodies)
     return frames, actor_of(replace(mesh, name="horse"), settings=RAISED)
 
 

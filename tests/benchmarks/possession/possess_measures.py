@@ -96,7 +96,7 @@ class _Ruler:
         self.lengths = self._lengths(self.rest)
         normals = Mesh(self.rest, faces).vertex_normals()
         self.normals = np.ascontiguousarray(normals[of], np.float32)
-        self.pairs = _touching_pairs(self.rest, faces)
+        self.pairs = _find_touching_pairs(self.rest, faces)
         self.volume = _volume(self.rest, faces)
 
     def __call__(self, pose) -> tuple[float, ...]:
@@ -137,7 +137,7 @@ def _volume(vertices: Float, faces: Int) -> float:
     return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
 
 
-def _touching_pairs(vertices: Float, faces: Int) -> Int:
+def _find_touching_pairs(vertices: Float, faces: Int) -> Int:
     """Returns (P, 2) the closest vertices of every two shells that nearly touch."""
     shell = shells(faces, len(vertices))
     pairs = []

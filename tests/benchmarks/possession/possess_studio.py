@@ -51,7 +51,7 @@ class Studio:
                 picture = self.draw(take, time_ns, camera, title)
                 writer.add(picture)
                 if n in tiles:
-                    kept.append(Tile(n / RATE, _smaller(picture)))
+                    kept.append(Tile(n / RATE, _halve_image(picture)))
         _sheet(path, kept, title, len(times))
         return len(times)
 
@@ -64,7 +64,7 @@ class Studio:
             scene = self._scene(take, time_ns)
             camera.follow(scene.box or EMPTY_BOX, 1 / RATE, self.size[0] / self.size[1])
             if n in tiles:
-                kept.append(Tile(n / RATE, _smaller(self._picture(scene, camera, title, take, time_ns))))
+                kept.append(Tile(n / RATE, _halve_image(self._picture(scene, camera, title, take, time_ns))))
         _sheet(path, kept, title, len(times))
 
     def draw(self, take: Take, time_ns: int, camera: FilmCamera, title: str) -> UInt8:
@@ -83,7 +83,7 @@ class Studio:
         right."""
         width, height = self.size
         places = ((28, 28, title, 0.0), (width - 28, height - 46, below, 1.0))
-        with self._canvas.over(renderer.picture.resolved):
+        with self._canvas.draw_over(renderer.picture.resolved):
             for x, y, text, align in places:
                 self._canvas.text(x + 1, y + 1, text, _TEXT, (0.0, 0.0, 0.0, 0.5), align=align)
                 self._canvas.text(x, y, text, _TEXT, (0.95, 0.96, 0.98, 0.8), align=align)
@@ -95,7 +95,7 @@ class Studio:
         since = _since(take, time_ns)
         share = min(max((since - _STEP_OUT) / _STEPPING, 0.0), 1.0)
         share = share * share * (3 - 2 * share)
-        bodies = tuple(_aside(body, share) for body in shot.bodies)
+        bodies = tuple(_move_aside(body, share) for body in shot.bodies)
         cues = CueFrame(
             take.character.id, shot.cues.nodes.astype(np.int32), shot.cues.strengths.astype(np.float32)
         )
@@ -104,7 +104,7 @@ class Studio:
         return Scene((actor,), bodies, SceneStyle(body=1.0, reveal=1.0 - share, cues=1.0 - share))
 
 
-def _aside(body: Body, share: float) -> Body:
+def _move_aside(body: Body, share: float) -> Body:
     """Returns the body, moved out of the mesh by a fraction of the way."""
     return replace(body, joints=body.joints + share * _ASIDE * body.height * _RIGHT)
 
@@ -124,7 +124,7 @@ def _shot_at(take: Take, time_ns: int) -> Shot:
     return take.shots[int(np.abs(times - time_ns).argmin())]
 
 
-def _smaller(picture: UInt8) -> UInt8:
+def _halve_image(picture: UInt8) -> UInt8:
     from PIL import Image
 
     height = round(picture.shape[0] * _TILE_WIDTH / picture.shape[1])

@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
 import pytest
-from possess_cast import as_if_by, cut, danced, held_still
+from possess_cast import cut, make_dance, repeat_body, retarget_to_person
 from possess_measures import Measures, measure
 from possess_take import Act, Shot, Take, perform
 
@@ -91,7 +91,7 @@ def test_inverted_box_is_detected() -> None:
 def driven() -> dict[str, Measures]:
     acts = {"chair": ("chair", Act(1.0)), "lamp": ("overhead", Act(1.65, "hip and right arm"))}
     return {
-        mesh: measure(perform(danced(moves, 15.0), create_actor(mesh), [act]), 2)
+        mesh: measure(perform(make_dance(moves, 15.0), create_actor(mesh), [act]), 2)
         for mesh, (moves, act) in acts.items()
     }
 
@@ -120,9 +120,9 @@ def test_attachment_causes_no_jump(driven) -> None:
 
 
 def test_retargeted_motion_starts_in_own_posture() -> None:
-    frames = danced("overhead")
-    own = danced("kneel")[0].bodies[0]
-    moved = as_if_by(own, frames, 5 * SECOND)
+    frames = make_dance("overhead")
+    own = make_dance("kneel")[0].bodies[0]
+    moved = retarget_to_person(own, frames, 5 * SECOND)
     np.testing.assert_allclose(moved[0].bodies[0].joints, own.joints, atol=1e-9)
     assert moved[0].time_ns == 5 * SECOND
     for frame, other in zip(moved[::20], frames[::20], strict=True):
@@ -135,11 +135,11 @@ def test_retargeted_motion_starts_in_own_posture() -> None:
 
 
 def test_cut_pieces_follow_without_pause() -> None:
-    frames = danced("overhead")
+    frames = make_dance("overhead")
     pieces = cut(frames, (1.0, 2.0), (4.0, 5.0))
     times = np.diff([frame.time_ns for frame in pieces])
     assert times.min() > 0
     assert times.max() < 0.05 * SECOND
     assert pieces[0].time_ns == 0
-    still = held_still(frames[0].bodies[0], 0.5)
+    still = repeat_body(frames[0].bodies[0], 0.5)
     assert len(still) == 15

@@ -90,14 +90,14 @@ def limb_errors(motion: Path, glb: bytes, model: str) -> dict[str, np.ndarray]:
     times, nodes = node_places(glb)
     frames = np.clip(first + np.round(times / capture.seconds).astype(int), 0, len(capture.positions) - 1)
     names = {name: k for k, name in enumerate(capture.names)}
-    theirs = _directions(
+    theirs = _compute_directions(
         {name: capture.positions[frames, k] for name, k in names.items()}, find_convention(names)
     )
-    ours = _directions(nodes, model)
-    yaw = _yaw(ours, theirs)
+    ours = _compute_directions(nodes, model)
+    yaw = _fit_yaw(ours, theirs)
     return {
         segment: np.degrees(
-            np.concatenate([_angles(ours[segment, s], theirs[segment, s], yaw) for s in (0, 1)])
+            np.concatenate([_compute_angles(ours[segment, s], theirs[segment, s], yaw) for s in (0, 1)])
         )
         for segment in SEGMENTS
     }
@@ -126,7 +126,7 @@ def find_name(names, spelled: str, side: dict[str, str]) -> str:
     return next((name for name in own.format(**side).split("|") if name in names), "")
 
 
-def _directions(places: dict[str, np.ndarray], convention: str) -> dict[tuple[str, int], np.ndarray]:
+def _compute_directions(places: dict[str, np.ndarray], convention: str) -> dict[tuple[str, int], np.ndarray]:
     """Returns (F, 3) unit vectors along each (segment, side)."""
     directions = {}
     for number, side in enumerate(SIDES):
@@ -137,21 +137,21 @@ def _directions(places: dict[str, np.ndarray], convention: str) -> dict[tuple[st
     return directions
 
 
-def _angles(ours: np.ndarray, theirs: np.ndarray, yaw: float) -> np.ndarray:
+def _compute_angles(ours: np.ndarray, theirs: np.ndarray, yaw: float) -> np.ndarray:
     """Returns (F,) angles between directions, radians, after rotating ``theirs`` by a yaw."""
-    return np.arccos(np.clip(np.sum(ours * _turned(theirs, yaw), axis=1), -1.0, 1.0))
+    return np.arccos(np.clip(np.sum(ours * _turn_directions(theirs, yaw), axis=1), -1.0, 1.0))
 
 
-def _turned(vectors: np.ndarray, yaw: float) -> np.ndarray:
+def _turn_directions(vectors: np.ndarray, yaw: float) -> np.ndarray:
     cos, sin = np.cos(yaw), np.sin(yaw)
     x, y, z = vectors.T
     return np.stack([cos * x + sin * z, y, cos * z - sin * x], axis=1)
 
 
-def _yaw(ours: dict[tuple[str, int], np.ndarray], theirs: dict[tuple[str, int], np.ndarray]) -> float:
+def _fit_yaw(ours: dict[tuple[str, int], np.ndarray], theirs: dict[tuple[str, int], np.ndarray]) -> float:
     """Returns the constant rotation about +Y that minimises the sum of angles over all segments."""
     own, other = (np.concatenate([some[key] for key in sorted(some)]) for some in (ours, theirs))
-    return float(min(YAWS, key=lambda yaw: _angles(own, other, yaw).sum()))
+    return float(min(YAWS, key=lambda yaw: _compute_angles(own, other, yaw).sum()))
 
 
 def node_places(glb: bytes) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -182,13 +182,13 @@ def world_matrices(document: pygltflib.GLTF2) -> list[np.ndarray]:
     for channel in animation.channels:
         sampler = animation.samplers[channel.sampler]
         keys, values = (read_accessor(document, blob, k) for k in (sampler.input, sampler.output))
-        tracks[channel.target.node, channel.target.path] = _sampled(times, keys[:, 0], values)
+        tracks[channel.target.node, channel.target.path] = _sample_values(times, keys[:, 0], values)
     parents = {child: k for k, node in enumerate(nodes) for child in node.children or []}
     worlds: dict[int, np.ndarray] = {}
 
     def world(k: int) -> np.ndarray:
         if k not in worlds:
-            own = _local(nodes[k], k, tracks, len(times))
+            own = _compute_local(nodes[k], k, tracks, len(times))
             worlds[k] = world(parents[k]) @ own if k in parents else own
         return worlds[k]
 
@@ -205,7 +205,7 @@ def read_accessor(document: pygltflib.GLTF2, blob: bytes, number: int) -> np.nda
     return np.frombuffer(blob, kind, accessor.count * width, start).reshape(-1, width).astype(float)
 
 
-def _sampled(times: np.ndarray, keys: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _sample_values(times: np.ndarray, keys: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Returns the values at the times by linear interpolation. Neighbouring quaternions are close, so they
     are only normalised.
     """
@@ -213,7 +213,7 @@ def _sampled(times: np.ndarray, keys: np.ndarray, values: np.ndarray) -> np.ndar
     return sampled / np.linalg.norm(sampled, axis=1, keepdims=True) if values.shape[1] == 4 else sampled
 
 
-def _local(node: pygltflib.Node, number: int, tracks: dict, count: int) -> np.ndarray:
+def _compute_local(node: pygltflib.Node, number: int, tracks: dict, count: int) -> np.ndarray:
     """Returns (T, 4, 4) transforms of a node relative to its parent."""
     matrices = np.tile(np.eye(4), (count, 1, 1))
     turn = tracks.get((number, "rotation"), np.tile(node.rotation or [0.0, 0.0, 0.0, 1.0], (count, 1)))

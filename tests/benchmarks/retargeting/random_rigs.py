@@ -27,7 +27,7 @@ WORDS = ("Bone", "jnt", "def", "ctrl", "rig", "b", "Mesh", "node")
 def random_rig(seed: int, path: Path) -> Path:
     """Writes a model of a random build to ``path``. The same seed gives the same model."""
     random = np.random.default_rng(seed)
-    limbs = [_split(seed, limb) for limb in _limbs(random, BUILDS[seed % len(BUILDS)])]
+    limbs = [_split(seed, limb) for limb in _make_limbs(random, BUILDS[seed % len(BUILDS)])]
     gltf, telling = GltfBuilder(), bool(random.random() < 0.5)
     scale = float(10.0 ** random.uniform(-2, 2))
     top = gltf.node(name="Armature", scale=[scale] * 3, rotation=unit(random).tolist())
@@ -52,11 +52,11 @@ def random_rig(seed: int, path: Path) -> Path:
     for name, fork, places in (others[i] for i in random.permutation(len(others))):
         for k, place in enumerate(places):
             joint((name, k), (name, k - 1) if k else (trunk[0], fork % len(trunk[2])), place)
-    _tubes(gltf, limbs, nodes, order, bind)
+    _add_tubes(gltf, limbs, nodes, order, bind)
     return gltf.write(path)
 
 
-def _limbs(random: np.random.Generator, build: str) -> list[tuple[str, int, np.ndarray]]:
+def _make_limbs(random: np.random.Generator, build: str) -> list[tuple[str, int, np.ndarray]]:
     """Returns (name, parent joint in the trunk, positions (K, 3) metres) of each limb, the trunk first."""
 
     def vary(points, by: float = 0.12) -> np.ndarray:
@@ -79,12 +79,32 @@ def _limbs(random: np.random.Generator, build: str) -> list[tuple[str, int, np.n
         trunk = ("Spine", 0, vary([(0, 0.95, 0), (0, 1.15, 0), (0, 1.35, 0)]))
         top = trunk[2][-1]
         shift = top - [0, 1.35, 0]
-        head = ("Head", -1, vary([_on(top, 0, 0.12, 0), _on(top, 0, 0.22, 0.02), _on(top, 0, 0.42, 0.02)]))
+        head = (
+            "Head",
+            -1,
+            vary(
+                [
+                    _offset_point(top, 0, 0.12, 0),
+                    _offset_point(top, 0, 0.22, 0.02),
+                    _offset_point(top, 0, 0.42, 0.02),
+                ]
+            ),
+        )
         return [trunk, head, *sided("Arm", -1, arm + shift), *sided("Leg", 0, leg)]
     if build == "raptor":
         trunk = ("Spine", 0, vary([(0, 1.0, -0.1), (0, 1.05, 0.2), (0, 1.1, 0.5)]))
         top = trunk[2][-1]
-        head = ("Neck", -1, vary([_on(top, 0, 0.1, 0.1), _on(top, 0, 0.3, 0.2), _on(top, 0, 0.3, 0.5)]))
+        head = (
+            "Neck",
+            -1,
+            vary(
+                [
+                    _offset_point(top, 0, 0.1, 0.1),
+                    _offset_point(top, 0, 0.3, 0.2),
+                    _offset_point(top, 0, 0.3, 0.5),
+                ]
+            ),
+        )
         tail = ("Tail", 0, vary([(0, 1.0, -0.3), (0, 0.95, -0.7), (0, 0.9, -1.1)]))
         arms = sided("Arm", -1, np.array([(0.12, -0.1, 0), (0.14, -0.25, 0.0), (0.14, -0.3, 0.15)]) + top)
         legs = [
@@ -98,7 +118,17 @@ def _limbs(random: np.random.Generator, build: str) -> list[tuple[str, int, np.n
     pairs = 2 if build == "horse" else 3
     trunk = ("Spine", 0, vary([(0, 1.0, -0.6), (0, 1.02, -0.1), (0, 1.0, 0.5)], 0.05))
     top = trunk[2][-1]
-    head = ("Neck", -1, vary([_on(top, 0, 0.1, 0.1), _on(top, 0, 0.45, 0.3), _on(top, 0, 0.4, 0.6)]))
+    head = (
+        "Neck",
+        -1,
+        vary(
+            [
+                _offset_point(top, 0, 0.1, 0.1),
+                _offset_point(top, 0, 0.45, 0.3),
+                _offset_point(top, 0, 0.4, 0.6),
+            ]
+        ),
+    )
     tail = ("Tail", 0, vary([(0, 1.0, -0.75), (0, 0.75, -0.9), (0, 0.5, -0.95)]))
     limbs = [trunk, head, tail]
     for k in range(pairs):
@@ -110,7 +140,7 @@ def _limbs(random: np.random.Generator, build: str) -> list[tuple[str, int, np.n
     return limbs
 
 
-def _on(place: np.ndarray, x: float, y: float, z: float) -> np.ndarray:
+def _offset_point(place: np.ndarray, x: float, y: float, z: float) -> np.ndarray:
     """Returns (3,) a point offset by (x, y, z) metres."""
     return place + np.array([x, y, z])
 
@@ -127,7 +157,7 @@ def _split(seed: int, limb: tuple[str, int, np.ndarray]) -> tuple[str, int, np.n
     return name, fork, places
 
 
-def _tubes(made: GltfBuilder, limbs, nodes, order, bind) -> None:
+def _add_tubes(made: GltfBuilder, limbs, nodes, order, bind) -> None:
     """Adds one mesh with a closed tube for every limb. At a joint, two bones share the surface."""
     vertices, faces, joints, weights = [], [], [], []
     for name, fork, own in limbs:

@@ -88,11 +88,11 @@ def performer_stands(motion: Path, times: np.ndarray) -> np.ndarray:
         joints = at[:, foot]
         speed = np.linalg.norm(np.gradient(joints, capture.seconds, axis=0), axis=2)
         low = joints[..., 1] < np.percentile(joints[..., 1], 5, axis=0) + LOW_M
-        standing.append(_without_short((low & (speed < slow)).any(1), capture.seconds)[nearest])
+        standing.append(_remove_short((low & (speed < slow)).any(1), capture.seconds)[nearest])
     return np.stack(standing, axis=1)
 
 
-def _without_short(stands: np.ndarray, seconds: float) -> np.ndarray:
+def _remove_short(stands: np.ndarray, seconds: float) -> np.ndarray:
     """Returns (F,) the contacts, without those that are too short."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], stands, [False]]).astype(int)))
     kept = np.zeros(len(stands), bool)
@@ -107,7 +107,7 @@ def _feet_over_time(document: pygltflib.GLTF2, model: str) -> tuple[list[np.ndar
     skinned = [(node, document.skins[node.skin]) for node in document.nodes if node.skin is not None]
     node, skin = skinned[0]
     inverse = read_accessor(document, blob, skin.inverseBindMatrices).reshape(-1, 4, 4).swapaxes(1, 2)
-    at, joints, weights = _vertices(document, blob, node.mesh)
+    at, joints, weights = _read_vertices(document, blob, node.mesh)
     names = {(document.nodes[k].name or "").split(" to ")[0]: n for n, k in enumerate(skin.joints)}
     rest = np.linalg.inv(inverse)[:, :3, 3]
     ankles = [rest[names[find_name(names, JOINTS[model][-1], side)]] for side in SIDES]
@@ -126,7 +126,7 @@ def _feet_over_time(document: pygltflib.GLTF2, model: str) -> tuple[list[np.ndar
     return feet, float(height)
 
 
-def _vertices(document: pygltflib.GLTF2, blob: bytes, number: int) -> tuple[np.ndarray, ...]:
+def _read_vertices(document: pygltflib.GLTF2, blob: bytes, number: int) -> tuple[np.ndarray, ...]:
     """Returns positions (V, 3), joints (V, 4) and weights (V, 4) of all primitives of a mesh."""
     kinds = ("POSITION", "JOINTS_0", "WEIGHTS_0")
     parts = [

@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "possession"))
 
 import numpy as np
 from PIL import Image
-from possess_cast import actor_of, as_if_by, danced, held_still
+from possess_cast import actor_of, make_dance, repeat_body, retarget_to_person
 from possess_films import DATA, LIFT, RAISED, TRUNK, WAVE, read
 from possess_studio import SIZE, Studio
 from possess_take import Act, perform
@@ -57,7 +57,7 @@ from enliven_synthesis.sensor.moved_object import (
     FollowingPath,
     MovedObjectPath,
     MovedObjectScan,
-    lie_on_back_pose,
+    make_lying_on_back_pose,
 )
 from enliven_synthesis.sensor.profile import load_profile
 from enliven_viewer.film.sheet import Tile, write_sheet
@@ -112,12 +112,12 @@ def chair() -> Film:
     path = HandheldPath(target=(0.0, 0.6, 0.0), radius=1.5, height=(0.6, 1.7), turns=1.1, seconds=12.0)
     take = HandheldScan(load_sample("chair"), load_profile("kinect1"), path, width=320, colour=True)
     settings = ScanSettings(volume=VolumeSettings(voxel=0.005))
-    return Film("A chair is scanned, cut out, and possessed", take, settings, KeptPart(), _sat_in)
+    return Film("A chair is scanned, cut out, and possessed", take, settings, KeptPart(), _find_sitting)
 
 
-def _sat_in(made: ScannedMesh) -> tuple[list[BodyFrame], EmbeddedActor]:
+def _find_sitting(made: ScannedMesh) -> tuple[list[BodyFrame], EmbeddedActor]:
     """Returns a recorded person that lifts something, or a motion of the project's synthetic performer."""
-    bodies = read(LIFT) if DATA.is_dir() else danced("chair")
+    bodies = read(LIFT) if DATA.is_dir() else make_dance("chair")
     return bodies, create_mesh_actor(made.mesh, "thing", settings=RAISED)
 
 
@@ -128,7 +128,7 @@ def laid() -> Film:
         target=(0.0, 0.85, 0.15), radius=1.5, height=(0.7, 1.9), turns=2.2, seconds=32.0,
         later=(0.0, 0.4, 0.15), turning=laying, nod=0.35,
     )  # fmt: skip
-    poses = [np.eye(4), lie_on_back_pose(chair, (0.0, 0.15))]
+    poses = [np.eye(4), make_lying_on_back_pose(chair, (0.0, 0.15))]
     way = MovedObjectPath(poses, [laying], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
     take = MovedObjectScan(chair, way, load_profile("kinect1"), path, width=320, colour=True)
     frames = (take.frame(index) for index in range(0, take.frames, 2))
@@ -145,11 +145,17 @@ def person() -> Film:
     settings = ScanSettings(volume=VolumeSettings(voxel=0.005, reach=3.5, far=3.5), least_depth=0.01)
     act = Act(0.6, "torso + left arm + right arm")
     return Film(
-        "A real person turns once, and is possessed", frames, settings, KeptPart(), _worn, PersonScanner, act
+        "A real person turns once, and is possessed",
+        frames,
+        settings,
+        KeptPart(),
+        _retarget_wearer,
+        PersonScanner,
+        act,
     )
 
 
-def _worn(made: ScannedMesh) -> tuple[list[BodyFrame], EmbeddedActor]:
+def _retarget_wearer(made: ScannedMesh) -> tuple[list[BodyFrame], EmbeddedActor]:
     """Returns a recorded person's motion, retargeted to start from the posture of the scanned person."""
     assert made.person is not None
     others, joints = read(WAVE), made.person.joints
@@ -158,8 +164,8 @@ def _worn(made: ScannedMesh) -> tuple[list[BodyFrame], EmbeddedActor]:
     own = np.where(is_known[:, None], joints, joints[0] + first.joints - first.joints[0])
     up = np.array([0.0, -own[:, 1].min(), 0.0])
     body = Body(first.id, own + up, np.where(is_known, 1.0, 0.0), stature=1.75)
-    frames = held_still(body, 1.2)
-    frames += as_if_by(body, others, frames[-1].time_ns + 33_333_333)
+    frames = repeat_body(body, 1.2)
+    frames += retarget_to_person(body, others, frames[-1].time_ns + 33_333_333)
     mesh = replace(made.mesh, vertices=made.mesh.vertices + up, name="thing")
     return frames, actor_of(mesh)
 

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from enliven.person.limbs import Limb
-from enliven_edge.tracking.estimator.estimator import Estimate, shipped_estimator
+from enliven_edge.tracking.estimator.estimator import Estimate, load_shipped_estimator
 from enliven_edge.tracking.estimator.labels import facing_in_plan
 from enliven_synthesis.training.rendering import PersonRenderer, RenderedPerson
 
@@ -36,7 +36,9 @@ class Fresh:
         """Returns the shipped network's estimates, with or without the facing as input."""
         taken = self.picture
         facing = self.facing if told else None
-        return shipped_estimator().estimate(self.z, self.mask, taken.camera, taken.world_from_camera, facing)
+        return load_shipped_estimator().estimate(
+            self.z, self.mask, taken.camera, taken.world_from_camera, facing
+        )
 
 
 @cache

@@ -15,7 +15,7 @@ from enliven.errors import InputError
 from enliven.person.joints import MIRROR
 from enliven_edge.assets import ESTIMATOR
 from enliven_edge.tracking.estimator.crop import crop_person
-from enliven_edge.tracking.estimator.estimator import Estimate, PoseEstimator, shipped_estimator
+from enliven_edge.tracking.estimator.estimator import Estimate, PoseEstimator, load_shipped_estimator
 from enliven_edge.tracking.estimator.labels import FACINGS, MIRRORED
 from enliven_synthesis.training.rendering import PersonRenderer
 
@@ -85,7 +85,9 @@ def test_people_are_distinguished_from_objects():
         p = studio.render_clutter(np.random.default_rng([77, n]))
         z = np.where(p.z > 0, p.z, p.around).astype(np.float64)
         things.append(
-            shipped_estimator().estimate(z, p.z > 0, p.camera, p.world_from_camera, None).person_probability
+            load_shipped_estimator()
+            .estimate(z, p.z > 0, p.camera, p.world_from_camera, None)
+            .person_probability
         )
     assert np.mean(np.array(people) > BELIEVED) > PEOPLE_BELIEVED
     assert np.mean(np.array(things) > BELIEVED) < THINGS_BELIEVED
@@ -114,7 +116,7 @@ def mirror_image(case: Fresh) -> Estimate:
     camera[2] = case.z.shape[1] - 1 - camera[2]
     pose = mirror @ case.picture.world_from_camera @ mirror
     z, mask = case.z[:, ::-1].copy(), case.mask[:, ::-1].copy()
-    return shipped_estimator().estimate(z, mask, camera, pose, -case.facing)
+    return load_shipped_estimator().estimate(z, mask, camera, pose, -case.facing)
 
 
 def test_the_mirror_image_is_of_the_mirrored_person():
@@ -138,7 +140,7 @@ def test_world_frame_changes_only_joint_positions():
         moved[[0, 0, 2, 2], [0, 2, 0, 2]] = np.cos(n), np.sin(n), -np.sin(n), np.cos(n)
         moved[[0, 2], 3] = 3.0, -n
         there = case.estimate(True)
-        here = shipped_estimator().estimate(
+        here = load_shipped_estimator().estimate(
             case.z, case.mask, case.picture.camera, moved @ case.picture.world_from_camera, case.facing
         )
         np.testing.assert_allclose(here.joints, there.joints @ moved[:3, :3].T + moved[:3, 3], atol=1e-3)
@@ -151,9 +153,9 @@ def test_batched_facings_equal_single_ones():
         case = fresh(n)
         pose = case.picture.world_from_camera
         crop = crop_person(case.z, case.mask, case.picture.camera, pose)
-        at_once = shipped_estimator().estimates(crop, pose, facings)
+        at_once = load_shipped_estimator().estimates(crop, pose, facings)
         for facing, estimate in zip(facings, at_once, strict=True):
-            alone = shipped_estimator().estimate(case.z, case.mask, case.picture.camera, pose, facing)
+            alone = load_shipped_estimator().estimate(case.z, case.mask, case.picture.camera, pose, facing)
             for name in ("joints", "expected_errors", "facing", "parts"):
                 np.testing.assert_allclose(getattr(estimate, name), getattr(alone, name), atol=2e-3)
 

@@ -15,7 +15,7 @@ from walkers import Walker, stand, told
 from enliven.errors import ResourceError
 from enliven.frames import BodyFrame
 from enliven.health import HealthKind
-from enliven.space.space_file import Place, Space, nested_tuples
+from enliven.space.space_file import Place, Space, convert_to_nested_tuples
 from enliven_edge.fusion.calibration.tracks import Collector
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
 from enliven_edge.fusion.live.fuser import Fuser
@@ -28,7 +28,9 @@ from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 A, B = stand(0.0, 0.0, 0.0), stand(2.4, -1.8, 70.0)
 TIMES = np.arange(0.0, 3.0, 1 / 30)
-SPACE = Space({"a": Place(nested_tuples(A)), "b": Place(nested_tuples(B), None, -7_000_000_000)})
+SPACE = Space(
+    {"a": Place(convert_to_nested_tuples(A)), "b": Place(convert_to_nested_tuples(B), None, -7_000_000_000)}
+)
 """Sensor b's clock is 7 s ahead of sensor a's."""
 
 
@@ -213,8 +215,8 @@ def test_all_depth_sensors_learn_the_room_again():
     """Each sensor has its own background model. The model's age restarts at zero."""
     with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(40)]
-    pose = nested_tuples(frames[0].world_from_camera)
-    space = Space({name: Place(nested_tuples(np.eye(4)), pose) for name in "ab"})
+    pose = convert_to_nested_tuples(frames[0].world_from_camera)
+    space = Space({name: Place(convert_to_nested_tuples(np.eye(4)), pose) for name in "ab"})
     trackers = {name: Tracker() for name in "ab"}
     reels = {name: Reel(name, frames) for name in "ab"}
     with contextlib.closing(FusedSensors(reels, trackers, space)) as fused_sensors:

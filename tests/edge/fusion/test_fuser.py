@@ -11,7 +11,7 @@ from walkers import Walker
 from enliven.person.body import Body
 from enliven.rotation import from_rotation_vector, multiply, rotate
 from enliven_edge.fusion.live import blending
-from enliven_edge.fusion.live.fuser import Fuser, standing_person, warm_up_fusion
+from enliven_edge.fusion.live.fuser import Fuser, make_standing_person, warm_up_fusion
 from enliven_edge.fusion.live.grouping import is_plausible
 from enliven_edge.fusion.live.sensor_view import SensorState
 from enliven_edge.fusion.live.side_assignment import swap_sides
@@ -423,7 +423,7 @@ def test_many_people_before_two_sensors_keep_apart():
 
 
 def test_warm_up_leaves_no_kernel_to_compile():
-    assert is_plausible(body(standing_person()))
+    assert is_plausible(body(make_standing_person()))
     warm_up_fusion()
     kernels = (blending.blend, blending.doubt_outliers, blending.fuse_confidence, blending.side_costs)
     before = [len(kernel.signatures) for kernel in kernels]

@@ -7,12 +7,16 @@ import pytest
 from walkers import stand
 
 from enliven.errors import InputError, ResourceError
-from enliven.space.space_file import Place, Space, load_space, nested_tuples, save_space
+from enliven.space.space_file import Place, Space, convert_to_nested_tuples, load_space, save_space
 
 SPACE = Space(
     {
-        "oak-1844": Place(nested_tuples(np.eye(4)), nested_tuples(stand(0.1, 1 / 3, 33.0)), 0),
-        'kinect2-138.251 "left"': Place(nested_tuples(stand(2.0, -1.0, 91.7, 1.3)), None, -123456789012345),
+        "oak-1844": Place(
+            convert_to_nested_tuples(np.eye(4)), convert_to_nested_tuples(stand(0.1, 1 / 3, 33.0)), 0
+        ),
+        'kinect2-138.251 "left"': Place(
+            convert_to_nested_tuples(stand(2.0, -1.0, 91.7, 1.3)), None, -123456789012345
+        ),
     }
 )
 

@@ -61,7 +61,7 @@ def play(recording: Path, performance: Path) -> None:
 
 
 def moment(document: Document, second: float):
-    instant = document.timeline.at(document.timeline.start_ns + round(second * 1e9))
+    instant = document.timeline.find_moment(document.timeline.start_ns + round(second * 1e9))
     assert instant is not None
     return instant
 

@@ -15,7 +15,7 @@ from enliven.frames import BodyFrame
 from enliven.health import HealthKind
 from enliven.outputs.opening import open_outputs
 from enliven.outputs.settings import collect_output_settings
-from enliven_edge.doctor import shipped_recording
+from enliven_edge.doctor import find_shipped_recording
 from enliven_edge.live_outputs import LiveOutputs
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.base import Sensor
@@ -48,7 +48,7 @@ def test_an_edge_sends_a_recording_to_several_programs(tmp_path):
     with OscReceiver() as vmc, OscReceiver() as osc:
         text = (tmp_path / "edge.toml").read_text().format(port=osc.port)
         (tmp_path / "edge.toml").write_text(text)
-        source = ["--recording", str(shipped_recording()), "--seconds", "1", "--speed", "0"]
+        source = ["--recording", str(find_shipped_recording()), "--seconds", "1", "--speed", "0"]
         outputs = ["--out", f"vmc:127.0.0.1:{vmc.port}", "--settings", str(tmp_path / "edge.toml")]
         assert cli.run(["edge", *source, *SHORT, *outputs]) == 0
         wait_until(lambda: ("/cue/possess", "chair") in osc.values, "the possession")
@@ -67,7 +67,13 @@ def test_replay_sends_outputs(monkeypatch):
                 self.stop()  # The rest of the recording would take longer and test nothing more.
 
         monkeypatch.setattr(Edge, "step", step)
-        words = ["replay", str(shipped_recording()), "--fast", "--out", f"vrchat:127.0.0.1:{receiver.port}"]
+        words = [
+            "replay",
+            str(find_shipped_recording()),
+            "--fast",
+            "--out",
+            f"vrchat:127.0.0.1:{receiver.port}",
+        ]
         assert cli.run([*words, *SHORT]) == 0
         assert receiver.values["/tracking/trackers/head/position"][1] > 1.0
 
@@ -83,7 +89,7 @@ def test_replay_sends_outputs(monkeypatch):
     ],
 )
 def test_a_wrong_output_ends_the_edge_at_the_start(words, message, capsys):
-    assert cli.run(["edge", "--recording", str(shipped_recording()), "--port", "0", *words]) == 3
+    assert cli.run(["edge", "--recording", str(find_shipped_recording()), "--port", "0", *words]) == 3
     assert message in capsys.readouterr().err.replace("\n", " ")
 
 

@@ -69,7 +69,7 @@ OTHER = other_skeleton()
 def seen(retargeting: Retargeting, *bodies: Body) -> np.ndarray:
     bones = BoneTracker(0.3)
     for body in bodies:
-        pose = retargeting.pose(bones.update(body, 1 / 30))
+        pose = retargeting.compute_pose(bones.update(body, 1 / 30))
     return pose
 
 
@@ -126,15 +126,15 @@ def test_other_bones_go_where_the_persons_go() -> None:
 def test_a_joint_that_is_not_seen_keeps_its_direction_and_comes_back_softly() -> None:
     retargeting = Retargeting(own_skeleton(), PAIRED)
     bones = BoneTracker(0.3)
-    before = retargeting.pose(bones.update(person(arm=1.5), 0.0))
+    before = retargeting.compute_pose(bones.update(person(arm=1.5), 0.0))
     lost = person(arm=1.5, yaw=1.0, x=2.0)
     lost.joints[Joint.WRIST_LEFT] = (9.0, 9.0, 9.0)
     lost.confidence[Joint.WRIST_LEFT] = 0.0
-    np.testing.assert_allclose(retargeting.pose(bones.update(lost, 1 / 30)), before, atol=1e-6)
+    np.testing.assert_allclose(retargeting.compute_pose(bones.update(lost, 1 / 30)), before, atol=1e-6)
     lost.joints[Joint.WRIST_LEFT] = np.nan
-    np.testing.assert_allclose(retargeting.pose(bones.update(lost, 1 / 30)), before, atol=1e-6)
+    np.testing.assert_allclose(retargeting.compute_pose(bones.update(lost, 1 / 30)), before, atol=1e-6)
     back = person(arm=-0.5)
-    steps = [retargeting.pose(bones.update(back, 1 / 30))[1] for _ in range(30)]
+    steps = [retargeting.compute_pose(bones.update(back, 1 / 30))[1] for _ in range(30)]
     forearm = np.linalg.norm(np.diff([before[1], *steps], axis=0), axis=1)
     assert 0.0 < forearm[0] < 0.6
     np.testing.assert_allclose(steps[-1], seen(retargeting, back)[1], atol=1e-6)

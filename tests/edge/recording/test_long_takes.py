@@ -20,7 +20,7 @@ from enliven.wire import CharacterMessage, StageMessage
 from enliven_edge.commands.record import record
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.recording import parts
-from enliven_edge.recording.disk_space import DiskSpaceGuard, name_expression, recorded_parts
+from enliven_edge.recording.disk_space import DiskSpaceGuard, list_recorded_parts, name_expression
 from enliven_edge.recording.parts import PartedRecorder
 from enliven_edge.recording.settings import RecordingSettings
 from enliven_edge.settings import WireSettings
@@ -131,8 +131,8 @@ def test_only_own_recordings_of_the_pattern_count_as_parts(tmp_path) -> None:
     (tmp_path / "take-20261128-094503.mcap").symlink_to(own[0])
     (tmp_path / "take-20261128-094504.mcap").mkdir()
     (tmp_path / "take-20261128-094505.mcap").write_bytes(b"")
-    assert recorded_parts(tmp_path / "take-{time}.mcap") == own
-    assert recorded_parts(tmp_path / "none" / "take-{time}.mcap") == []
+    assert list_recorded_parts(tmp_path / "take-{time}.mcap") == own
+    assert list_recorded_parts(tmp_path / "none" / "take-{time}.mcap") == []
 
 
 def test_oldest_parts_are_deleted_until_there_is_room(tmp_path) -> None:

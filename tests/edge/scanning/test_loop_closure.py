@@ -98,7 +98,7 @@ def doubled(mesh):
 def closed(frames):
     """Closes the loop. Returns the scanner, the closure, and the errors and duplication before it."""
     scanner = drifted(*frames)
-    before = off(scanner, frames[1]), doubled(scanner.surface()), len(scanner.keyframes)
+    before = off(scanner, frames[1]), doubled(scanner.extract_surface()), len(scanner.keyframes)
     return scanner, scanner.close_loops(), before
 
 
@@ -106,7 +106,7 @@ def test_returning_path_is_closed_and_fused_again(frames, closed):
     scanner, closing, (before, twice, keyframes) = closed
     assert before > 0.015 and twice > 0.01, "it is doubled before"
     assert closing.taken and closing.loops >= 4 and closing.gap > 0.05
-    assert off(scanner, frames[1]) < 0.6 * before and doubled(scanner.surface()) < 0.2 * twice
+    assert off(scanner, frames[1]) < 0.6 * before and doubled(scanner.extract_surface()) < 0.2 * twice
     # The first pose is unchanged, and the last one agrees with the first round.
     np.testing.assert_allclose(scanner.poses[0][1], frames[1][0], atol=1e-9)
     assert pose_difference(scanner.poses[-1][1], frames[1][-1])[0] < 0.03

@@ -26,7 +26,7 @@ from enliven.wire import ScanMode
 from enliven_edge.commands.scan import scan
 from enliven_edge.scanning.object_messages import describe_objects
 from enliven_synthesis.sensor.handheld import HandheldPath
-from enliven_synthesis.sensor.moved_object import MovedObjectPath, MovedObjectScan, lie_on_back_pose
+from enliven_synthesis.sensor.moved_object import MovedObjectPath, MovedObjectScan, make_lying_on_back_pose
 from enliven_synthesis.sensor.profile import load_profile
 from enliven_viewer.studio.features.scan.advice import choose_advice
 from enliven_viewer.studio.features.scan.session import VOXEL_SIZES
@@ -37,7 +37,7 @@ from scan_window import Begun, Window
 pytestmark = pytest.mark.slow
 
 CHAIR = load_sample("chair")
-BACK = lie_on_back_pose(CHAIR, (0.0, 0.15))
+BACK = make_lying_on_back_pose(CHAIR, (0.0, 0.15))
 MOVE = 8.0, 10.0
 """Interval in which the chair is laid on its back, seconds."""
 WAY = MovedObjectPath([np.eye(4), BACK], [MOVE], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
@@ -88,7 +88,7 @@ def scanned(tmp_path_factory):
         window = ends.enter_context(closing(Window(edge, tmp_path_factory.mktemp("window"))))
         edge.followers.append(window)
         scan = window.scan
-        edge.until(lambda: not scan.lacks_stage(), "the stage in the window")
+        edge.until(lambda: not scan.describe_missing_stage(), "the stage in the window")
         scan.mode, scan.name = ScanMode.MOVED, "chair"
         patch.setitem(VOXEL_SIZES, "thing", SETTINGS.volume.voxel)
         edge.until(Begun(scan), "the beginning")
@@ -201,7 +201,7 @@ def laid_onto_the_truth(mesh):
 
 def test_both_halves_are_one_surface_with_its_undersides(scanned):
     whole = laid_onto_the_truth(placed(scanned.made))
-    alone = laid_onto_the_truth(placed(scanned.scanner.rests[0].scanner.thing()))
+    alone = laid_onto_the_truth(placed(scanned.scanner.rests[0].scanner.extract_object()))
     truth = sample_surface(CHAIR, 40_000)
     under = truth.points[(truth.normals[:, 1] < -0.7) & (truth.points[:, 1] > 0.05)]
     assert complete(whole, under) > complete(alone, under) + 0.15

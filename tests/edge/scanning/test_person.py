@@ -67,7 +67,7 @@ def test_turning_person_is_tracked_and_upright_on_the_floor(scanned, scene):
     turned = person_scanner.poses[-1][1][:3, :3] @ person_scanner.poses[0][1][:3, :3].T
     angle = np.degrees(np.arccos((np.trace(turned) - 1) / 2))
     assert angle == pytest.approx(5.8 * (IMAGES - 1 - STILL), abs=6.0)
-    person = person_scanner.person()
+    person = person_scanner.finish_person()
     low, high = person.mesh.bounds
     assert low[1] == pytest.approx(0.0, abs=1e-6) and high[1] == pytest.approx(1.73, abs=0.05)
     true, is_known = scene.joints(), np.isfinite(person.joints).all(1)
@@ -80,8 +80,8 @@ def test_turning_person_is_tracked_and_upright_on_the_floor(scanned, scene):
 
 
 def test_still_person_with_hidden_feet_reaches_the_floor(half):
-    seen = half.surface().vertices[:, 1].min()
-    mesh = half.person().mesh
+    seen = half.extract_surface().vertices[:, 1].min()
+    mesh = half.finish_person().mesh
     assert seen > 0.05, "the floor ends what is seen of their feet"
     for side in (-1, 1):
         foot = mesh.vertices[side * mesh.vertices[:, 0] > 0]
@@ -94,7 +94,7 @@ def test_still_person_with_hidden_feet_reaches_the_floor(half):
 
 @pytest.mark.parametrize("one_side", [False, True], ids=["turned", "half"])
 def test_the_mesh_is_possessed_at_once_by_the_bones_of_the_scan(scanned, half, one_side):
-    person = (half if one_side else scanned[0]).person()
+    person = (half if one_side else scanned[0]).finish_person()
     actor = create_mesh_actor(person.mesh, "me", settings=ActorSettings(how="mapped"), joints=person.bones)
     # The mesh and its bones are life-size and centred on the stage.
     grown = 1.75 / np.ptp(person.mesh.vertices[:, 1])
@@ -120,7 +120,7 @@ def test_the_mesh_is_possessed_at_once_by_the_bones_of_the_scan(scanned, half, o
 
 
 def test_partial_scan_of_a_person_keeps_its_size(scanned):
-    person = scanned[0].person()
+    person = scanned[0].finish_person()
     high = person.mesh.vertices[person.mesh.faces, 1].min(1) > 0.8
     upper = extract_submesh(person.mesh, high)
     actor = create_mesh_actor(
@@ -133,7 +133,7 @@ def test_partial_scan_of_a_person_keeps_its_size(scanned):
 
 
 def test_unseen_joints_are_completed_from_a_standing_person(scanned):
-    person = scanned[0].person()
+    person = scanned[0].finish_person()
     assert np.isfinite(person.joints[Joint.KNEE_LEFT]).all()
     hidden = person.joints.copy()
     hidden[[Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.FOOT_LEFT]] = np.nan

@@ -34,7 +34,7 @@ def test_full_turn_creates_a_character_with_named_ends(tmp_path):
         window = ends.enter_context(closing(Window(edge, tmp_path)))
         edge.followers.append(window)
         scan = window.scan
-        edge.until(lambda: not scan.lacks_stage(), "the stage in the window")
+        edge.until(lambda: not scan.describe_missing_stage(), "the stage in the window")
         scan.mode, scan.name = ScanMode.PERSON, "me"
         edge.until(Begun(scan), "the beginning")
         words = [choose_advice(scan.message).text]

@@ -20,7 +20,7 @@ from enliven.scanning import (
     ScanSettings,
     ScanState,
     VolumeSettings,
-    largest_part,
+    find_largest_part,
     settings_within,
 )
 from enliven.scanning.decimation import distance_bounds
@@ -68,7 +68,7 @@ def test_object_turning_before_a_wall_is_scanned_from_all_sides(frames):
         for n, step in enumerate(steps)
     ]
     assert max(apart) < 0.025 and apart[-1] < 0.015, "the way closes"
-    surface = scanner.surface()
+    surface = scanner.extract_surface()
     error = distance_bounds(THING, surface.vertices)
     assert error.mean() < 0.004 and np.quantile(error, 0.95) < 0.012
 
@@ -104,7 +104,7 @@ def test_object_turned_in_two_hands_is_scanned_without_hands():
         steps.append(scanner.add(frame if index else replace(frame, world_from_camera=true)))
     states = [step.state for step in steps]
     assert states.count(ScanState.SCANNING) > 0.95 * len(states)
-    mesh = largest_part(scanner.surface())
+    mesh = find_largest_part(scanner.extract_surface())
     # A hand covers the object in some images. Other images measure free space there.
     grid = make_nearest_grid(sample_surface(SMALL, 30_000), 0.01, 0.1)
     ((pose,), _) = align_from_starts(

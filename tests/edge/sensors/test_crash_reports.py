@@ -36,7 +36,7 @@ def test_library_crash_is_located_and_repeats_are_counted(tmp_path):
     assert doctor._list_crash_reports().detail == "none stored"
     for name in ("first", "second"):
         crashed(tmp_path / name)
-    (report,) = crash_reports.stored_reports()
+    (report,) = crash_reports.list_stored_reports()
     text = report.path.read_text()
     assert "Segmentation fault" in text and re.search(r'wild\.py", line \d+ in read', text)
     assert "sensor wild, signal 11" in text and "seen 2 times" in text
@@ -66,7 +66,7 @@ def test_crash_dump_of_an_oak_is_kept_unchanged(state):
     )
     for _ in range(2):
         store_crash_dump(device)
-    (report,) = crash_reports.stored_reports()
+    (report,) = crash_reports.list_stored_reports()
     assert report.path.parent == state
     assert dai.CrashDump.load(str(report.path)).deviceId == "18443010/../x"
     assert re.search(
@@ -79,17 +79,17 @@ def test_crash_dump_of_an_oak_is_kept_unchanged(state):
 def test_the_newest_are_kept_within_a_number_and_a_size(monkeypatch, state):
     for number in range(crash_reports.MAX_REPORTS + 5):
         crash_reports.keep_dump(f"{number:03}", lambda path: path.write_bytes(b"x" * 1000))
-    names = [report.path.name for report in crash_reports.stored_reports()]
+    names = [report.path.name for report in crash_reports.list_stored_reports()]
     assert len(names) == crash_reports.MAX_REPORTS and names[0].startswith("oak-firmware-024")
     monkeypatch.setattr(crash_reports, "MAX_TOTAL_BYTES", 5000)
     (state / "of_the_library").mkdir()
     (state / "of_the_library" / "crash_dump_7.tar.gz").write_bytes(b"y" * 4500)
     crash_reports.remove_old_reports()
-    assert [report.path.name for report in crash_reports.stored_reports()] == ["crash_dump_7.tar.gz"]
+    assert [report.path.name for report in crash_reports.list_stored_reports()] == ["crash_dump_7.tar.gz"]
 
 
 def test_unwritable_state_folder_is_only_logged(state, caplog):
     state.parent.mkdir(parents=True)
     state.write_text("a file in its place")
     crash_reports.keep_text("oak", "Fatal Python error: Aborted", 6)
-    assert "cannot be saved" in caplog.text and crash_reports.stored_reports() == []
+    assert "cannot be saved" in caplog.text and crash_reports.list_stored_reports() == []

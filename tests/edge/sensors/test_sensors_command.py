@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from enliven import cli
-from enliven_edge.doctor import shipped_recording
+from enliven_edge.doctor import find_shipped_recording
 from enliven_edge.sensors import attached_cameras
 from enliven_edge.sensors.drivers import libcamera_library
 
@@ -90,7 +90,7 @@ def test_only_raspberry_pi_gets_libcamera_advice(capsys, monkeypatch, tmp_path):
 
 def test_view_of_one_sensor_is_described_and_drawn(capsys, tmp_path):
     """Floor height, tilt and size in the shipped recording are known: 1.15 m high, five degrees down."""
-    path = f"path={shipped_recording()}"
+    path = f"path={find_shipped_recording()}"
     code, out, _ = said(capsys, "replay", "--set", path, "--seconds", "0.5", "-o", str(tmp_path / "a.png"))
     assert code == 0
     facts = dict(line.split(maxsplit=1) for line in out.splitlines() if not line.startswith(str(tmp_path)))

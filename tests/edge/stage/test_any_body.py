@@ -14,7 +14,7 @@ from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven.possession import ActorSettings, prepare_mesh, rotation_about_y
 from enliven.possession.likeness.finding import find_body_in_mesh
-from enliven.possession.likeness.standing_person import standing_figure
+from enliven.possession.likeness.standing_person import make_standing_figure
 from enliven.possession.placement import yaw_between
 from enliven_edge.stage.character_setup import create_mesh_actor
 from enliven_edge.stage.stage import Stage
@@ -78,7 +78,7 @@ def test_trunk_of_the_mesh_matches_the_performers(known):
     turn = rotation_about_y(yaw_between(before - before.mean(0), after - after.mean(0)))
     joints = at_origin(known) @ turn.T + after.mean(0) - before.mean(0) @ turn.T
     hips_and_shoulders = [Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]
-    apart = (joints - standing_figure())[hips_and_shoulders].mean(0)[[0, 2]]
+    apart = (joints - make_standing_figure())[hips_and_shoulders].mean(0)[[0, 2]]
     assert np.linalg.norm(apart) < 0.04
     across = joints[Joint.SHOULDER_LEFT] - joints[Joint.SHOULDER_RIGHT]
     assert across[0] > 0.95 * np.linalg.norm(across[[0, 2]])

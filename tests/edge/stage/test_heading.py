@@ -17,7 +17,7 @@ from enliven.person.joints import Joint
 from enliven.possession import ActorSettings
 from enliven.possession.attachment.limb_retargeting import LimbRetargeting
 from enliven.possession.likeness.skeleton import BodyInMesh
-from enliven.possession.likeness.standing_person import standing_figure
+from enliven.possession.likeness.standing_person import make_standing_figure
 from enliven.possession.placement import rotation_about_y
 from enliven_edge.stage.character_setup import create_actor, create_mesh_actor
 from enliven_edge.stage.stage import Stage
@@ -40,7 +40,7 @@ def facing(yaw: float, x: float = 0.0, lift: float = 0.0) -> Body:
     """Returns a standing performer, rotated about +Y by ``yaw``, with the left thigh lifted by ``lift``,
     radians.
     """
-    joints = standing_figure()
+    joints = make_standing_figure()
     leg = [Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.FOOT_LEFT]
     hip = joints[Joint.HIP_LEFT].copy()
     joints[leg] = hip + (joints[leg] - hip) @ rotation(x=-lift).T
@@ -51,23 +51,23 @@ def facing(yaw: float, x: float = 0.0, lift: float = 0.0) -> Body:
 @settings(max_examples=25, deadline=None)
 def test_carried_hips_differ_from_the_performers_by_a_constant(seed, noise_m, front, seconds):
     """True from the first frame on, while the limbs are still approaching the performer's pose."""
-    rest = standing_figure()
+    rest = make_standing_figure()
     rest[[Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT], 1] = (
         1.39  # a lifted arm, which must come down
     )
     film = spinning_people(seed, 4.0, noise_m)
     start = hip_heading(film[0].joints)
-    like = BodyInMesh.known(rest)
+    like = BodyInMesh.from_joints(rest)
     carrying = LimbRetargeting(like, film[0], 1.0, seconds=seconds, front=start)
     gaps = []
     for n, body in enumerate(film):
-        carrying.at(n * FRAME_NS)
+        carrying.set_time(n * FRAME_NS)
         gaps.append(wrapped(hip_heading(carrying(body.joints)) - hip_heading(body.joints)))
     assert deviations_deg(np.array(gaps)).max() < MAX_DEVIATION_DEG
     # A mesh with another heading has turned to its performer when it has reached the pose.
     late = LimbRetargeting(like, film[0], 1.0, seconds=seconds, front=front)
-    late.at(0)
-    late.at(round(1e9 * late._seconds) + 1)
+    late.set_time(0)
+    late.set_time(round(1e9 * late._seconds) + 1)
     there = hip_heading(late(film[-1].joints)) + front
     assert abs(np.degrees(wrapped(there - hip_heading(film[-1].joints)))) < MAX_DEVIATION_DEG
 

@@ -13,7 +13,7 @@ from sample_meshes.chair import make_chair
 from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.errors import InputError
 from enliven.person import Body, Joint
-from enliven.possession import Actor, ActorSettings, EmbeddedActor, standing_figure
+from enliven.possession import Actor, ActorSettings, EmbeddedActor, make_standing_figure
 from enliven.possession.placement import Placement
 from enliven.wire import MAX_GROWTH, Resize
 from enliven_edge.controls.base import orders_from_command
@@ -24,7 +24,7 @@ FRAME = 33_333_333
 MESH = make_chair(0.08)
 GRAPH = DeformationGraph.build(MESH, nodes=24, seed=0)
 CHAIR = character_from_graph(MESH, GRAPH, "chair")
-FIGURE = standing_figure()
+FIGURE = make_standing_figure()
 OWN = float(np.linalg.norm(FIGURE[Joint.HAND_LEFT] - FIGURE[Joint.HAND_RIGHT]))
 few = settings(deadline=None, max_examples=8)
 

@@ -15,7 +15,7 @@ from enliven.errors import EnlivenError
 from enliven.formats.project.one_character import character_bytes, project_of_mesh
 from enliven.meshes import save_mesh
 from enliven.person import Body, J
-from enliven.possession import Actor, ActorSettings, standing_figure
+from enliven.possession import Actor, ActorSettings, make_standing_figure
 from enliven.samples.shipped import load_sample
 from enliven.wire import PutCharacter
 from enliven_edge.settings import EdgeSettings
@@ -49,7 +49,7 @@ def count_graphs(monkeypatch) -> list[str]:
 def play(actor: Actor, seed: int) -> list[Pose]:
     """Returns the poses of a character while a person approaches, is attached, moves and leaves."""
     noise = np.random.default_rng(seed)
-    joints = standing_figure() + noise.normal(scale=0.2, size=3) * (1.0, 0.0, 1.0)
+    joints = make_standing_figure() + noise.normal(scale=0.2, size=3) * (1.0, 0.0, 1.0)
     poses = []
     for number in range(20):
         joints = joints + noise.normal(scale=0.02, size=(J, 3))

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from screen import drawn_by_iterm, drawn_by_kitty, drawn_by_sixel, drawn_in_half_blocks
 
 from enliven import cli
-from enliven_edge.doctor import shipped_recording
+from enliven_edge.doctor import find_shipped_recording
 from enliven_edge.terminal.image_encoding import encode_half_blocks, encode_image
 from enliven_edge.terminal.protocol_query import image_protocol
 
@@ -154,7 +154,7 @@ def test_terminal_query_times_out_without_an_answer():
 
 @pytest.mark.skipif(os.name != "posix", reason="there are no terminals of this kind here")
 def test_the_command_draws_the_depth_at_a_terminal():
-    words = ["sensors", "replay", "--set", f"path={shipped_recording()}", "--seconds", "0.1"]
+    words = ["sensors", "replay", "--set", f"path={find_shipped_recording()}", "--seconds", "0.1"]
     program, near = at_a_terminal("-m", "enliven", *words)
     try:
         os.write(near, ANSWERS["sixel"])  # at once: a loaded machine may exceed the timeout
@@ -171,7 +171,7 @@ def test_the_command_draws_the_depth_at_a_terminal():
 
 
 def test_pipe_gets_only_text_unless_a_protocol_is_named(capsys):
-    words = ["sensors", "replay", "--set", f"path={shipped_recording()}", "--seconds", "0.1"]
+    words = ["sensors", "replay", "--set", f"path={find_shipped_recording()}", "--seconds", "0.1"]
     assert cli.run(words) == 0
     assert "\x1b" not in capsys.readouterr().out
     assert cli.run([*words, "--picture", "kitty"]) == 0

@@ -12,7 +12,7 @@ import numpy as np
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints, estimate_at_points
 from enliven_edge.tracking.detect.detection import estimates_by_facing
-from enliven_edge.tracking.estimator.estimator import Estimate, shipped_estimator
+from enliven_edge.tracking.estimator.estimator import Estimate, load_shipped_estimator
 from enliven_edge.tracking.frame.observation import Observation, WorkingCamera, observe_person, world_points
 from enliven_edge.tracking.work_budget import run_to_end
 from enliven_synthesis.body.performer import Figure, Performer
@@ -63,7 +63,7 @@ def seen_person(name: str, seed: int) -> tuple[Observation, Figure]:
 def seen_in(observation: Observation, facing: float | None = None) -> tuple[EstimateAtPoints, list[Estimate]]:
     """Returns the shipped network's estimate of an observation, and its estimates by facing."""
     z, mask, _, camera, pose = observation.view
-    estimate = shipped_estimator().estimate(z, mask, camera, pose, facing)
+    estimate = load_shipped_estimator().estimate(z, mask, camera, pose, facing)
     return estimate_at_points(observation, estimate), run_to_end(
-        estimates_by_facing(shipped_estimator(), estimate, pose)
+        estimates_by_facing(load_shipped_estimator(), estimate, pose)
     )

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from enliven.frames import DepthFrame
 from enliven.recording import Recording
-from enliven_edge.doctor import shipped_recording
+from enliven_edge.doctor import find_shipped_recording
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.people import follower
 from enliven_edge.tracking.settings import SearchSettings, TrackerSettings
@@ -66,7 +66,7 @@ def test_a_search_takes_as_long_where_frames_are_rare(rate, fits):
 @pytest.fixture(scope="module")
 def film() -> list[DepthFrame]:
     """Returns two seconds of the shipped recording with a person from the first frame on."""
-    frames = (f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame))
+    frames = (f for f in Recording(find_shipped_recording()).frames() if isinstance(f, DepthFrame))
     return [frame for _, frame in zip(range(60), frames, strict=False)]
 
 

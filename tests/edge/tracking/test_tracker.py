@@ -200,7 +200,7 @@ def test_changed_resolution_still_gives_bodies():
         tracker.track(frame)
     for frame, _ in recording[APPEARS:]:
         half = dataclasses.replace(
-            frame, depth=frame.depth[::2, ::2].copy(), intrinsics=frame.intrinsics.scaled(0.5)
+            frame, depth=frame.depth[::2, ::2].copy(), intrinsics=frame.intrinsics.scale(0.5)
         )
         bodies = tracker.track(half)
     assert bodies

@@ -135,5 +135,5 @@ def film(
         stages: list[WindowStage] = []
         last = [time.monotonic()]
         window.run(before=before, after=after)
-    write_sheet(path.with_suffix(".png"), chosen.chosen(), 3, title or path.stem, "enliven studio")
+    write_sheet(path.with_suffix(".png"), chosen.choose_tiles(), 3, title or path.stem, "enliven studio")
     return writer.count

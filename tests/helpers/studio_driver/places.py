@@ -185,7 +185,7 @@ def where(place: Place, stage: SessionStage) -> Point:
         return _on_performer(place, stage)
     if isinstance(place, SourceJoint):
         source = source_of(stage.workspace)
-        posed = source.posed_skeleton()
+        posed = source.make_posed_skeleton()
         if posed is None:
             raise InputError("no take is shown", where="session")
         pixel = source.lens.project(posed.handles)[0][place.joint]

@@ -14,7 +14,7 @@ from enliven.meshes.mesh import weld
 from enliven.modeling.mesh.mesh_cut import cut_across_bone
 from enliven.modeling.mesh.mesh_union import unite_meshes
 from enliven.modeling.skinning.heat_diffusion import bone_heat, bone_segments
-from enliven.modeling.skinning.skin_values import dense_weights
+from enliven.modeling.skinning.skin_values import make_dense_weights
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3].parent / "shared" / "data"))
 FILES = sorted(p for p in (DATA / "gltf" / "quaternius").glob("*") if p.suffix in (".glb", ".gltf"))
@@ -98,8 +98,8 @@ def test_bone_heat_is_nearer_to_the_artist_than_the_nearest_bone(path, capsys):
     count = len(skeleton)
     about = np.zeros((count, count))
     about[np.arange(count), np.maximum(skeleton.parents, 0)] = 1
-    artist = dense_weights(shape.skin, count) @ about
-    heat = dense_weights(bone_heat(mesh, skeleton), count) @ about
+    artist = make_dense_weights(shape.skin, count) @ about
+    heat = make_dense_weights(bone_heat(mesh, skeleton), count) @ about
     segments, owners = bone_segments(skeleton)
     starts, vectors = segments[:, 0], segments[:, 1] - segments[:, 0]
     away = mesh.vertices[:, None] - starts[None]

@@ -14,7 +14,7 @@ from enliven.exporters import sample_performance
 from enliven.exporters.gltf.write import build_glb
 from enliven.formats.gltf.read import read_gltf
 from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
-from enliven.mapping.ground import floor_height_under, posed_surfaces
+from enliven.mapping.ground import compute_posed_surfaces, floor_height_under
 from enliven.mapping.quality import measure_quality
 from enliven.modeling.edits import lock_feet
 from enliven.motion.contact.pin import resolve_pins, unpin
@@ -125,7 +125,7 @@ def test_an_arm_that_drives_a_foreleg_does_not_lift_the_other_feet(model: str, t
     shape = read_gltf(DATA / "gltf" / f"{model}.glb").shape
     result = retarget(shape, clip, replace(create_automatic_plan(clip, shape), travel=True, pin=True))
     tall, rest = np.ptp(shape.mesh.vertices[:, 1]), shape.skeleton.positions
-    root = Player(result.project, result.shape_id).root(np.linspace(0.0, result.duration, 30))[:, 1]
+    root = Player(result.project, result.shape_id).compute_root(np.linspace(0.0, result.duration, 30))[:, 1]
     assert np.abs(root - rest[0, 1] - shape.place[1]).max() < 0.1 * tall
 
 
@@ -136,7 +136,8 @@ def test_a_real_weapon_does_not_lift_the_body() -> None:
     plan = replace(create_automatic_plan(clip, shape), travel=True, pin=True)
     result = retarget(shape, clip, plan)
     assert min(
-        at[:, 1].min() for at in posed_surfaces(result.project, result.shape_id, np.linspace(0.0, 0.8, 9))
+        at[:, 1].min()
+        for at in compute_posed_surfaces(result.project, result.shape_id, np.linspace(0.0, 0.8, 9))
     ) < (floor_height_under(shape) - 0.1)
     quality = measure_quality(result.project, result.shape_id, clip, result.duration, plan)
     assert quality.afloat < 0.01 and quality.slide < 5.0

@@ -50,7 +50,7 @@ def test_a_real_rig_moves_as_gltf_says(path):
         project, shape = play_clip(Project(), rig.shape, clip)
         player, start = Player(project, shape.id), frame_times(file, number)[0]
         for frame in {0, len(clip.turns) // 3, len(clip.turns) - 1}:
-            ours = skin_vertices(character, player.pose(frame * clip.step))[::every]
+            ours = skin_vertices(character, player.compute_message_pose(frame * clip.step))[::every]
             theirs = slow.vertices_at(number, start + frame * clip.step, every)
             worst = max(worst, float(np.linalg.norm(ours - theirs, axis=1).max()) / size)
     assert worst < STRAY.get(path.stem, EXACT)
@@ -81,12 +81,14 @@ def test_a_real_rig_is_written_and_read_again(path, tmp_path):
     if rig.clips and path.stem not in STRAY:
         # Its extent equals the model's. Its vertices may have a different order.
         slow, step = SlowGltf(tmp_path / "again.glb"), 0.1
-        vertices = skin_vertices(character_of(rig.shape), Player(project, rig.shape.id).pose(step))
+        vertices = skin_vertices(
+            character_of(rig.shape), Player(project, rig.shape.id).compute_message_pose(step)
+        )
         low, high = vertices.min(0), vertices.max(0)
         slow_vertices = slow.vertices_at(0, step, max(1, len(mesh.vertices) // 40))
         assert (slow_vertices > low - 1e-3 * size).all() and (slow_vertices < high + 1e-3 * size).all()
         moved, shape = play_clip(Project(), read.shape, read.clips[0])
-        theirs = skin_vertices(character_of(shape), Player(moved, shape.id).pose(step))
+        theirs = skin_vertices(character_of(shape), Player(moved, shape.id).compute_message_pose(step))
         np.testing.assert_allclose([theirs.min(0), theirs.max(0)], [low, high], atol=1e-3 * size)
 
 

@@ -101,7 +101,7 @@ def test_the_leg_turns_as_the_arm_does():
             angles.append(leg)
     assert max(angles) > 1.0, "somebody waved"
     driven = {bone for _, target in hold.pairs for bone in target[1:]}
-    below = {j for bone in driven for j in actor.live_shape.shape.skeleton.below(bone)}
+    below = {j for bone in driven for j in actor.live_shape.shape.skeleton.list_subtree(bone)}
     others = [j for j in range(len(actor.character.pivots)) if j not in below]
     np.testing.assert_allclose(pose.linear[others], rest.linear[others], atol=1e-6)
 
@@ -147,8 +147,8 @@ def test_edge_plays_a_recording_and_records_the_result(tmp_path):
         pass
     assert take.unreadable == 0
     assert len(document.timeline) == len(boards)
-    assert document.timeline.at(boards[20].time_ns).boards[actor.character.id].state == "choosing"
-    assert document.timeline.at(boards[-1].time_ns).boards[actor.character.id].state == "playing"
+    assert document.timeline.find_moment(boards[20].time_ns).boards[actor.character.id].state == "choosing"
+    assert document.timeline.find_moment(boards[-1].time_ns).boards[actor.character.id].state == "playing"
     poses = [msgspec.msgpack.decode(data, type=PoseMessage) for _, data in recording.messages("pose")]
     first = boards[0].time_ns
     for board in boards:

@@ -138,7 +138,7 @@ import sys, typer
 from enliven import cli
 from enliven.commands import kiosk as command
 from enliven.commands.kiosk import kiosk
-command.installed_commands = lambda: {"edge": 1, "kiosk-window": 1, "health": 1}
+command.list_installed_commands = lambda: {"edge": 1, "kiosk-window": 1, "health": 1}
 command.kiosk_programs, original = (lambda *a, **k: STAND_INS or original(*a, **k)), command.kiosk_programs
 STAND_INS = []
 WAITS = "import time; time.sleep(600)"

@@ -10,7 +10,7 @@ from importlib.metadata import EntryPoint
 import pytest
 
 from enliven.cli import build_command_group
-from enliven.commands.lazy import LazyCommands, command_summary, installed_commands, run_command
+from enliven.commands.lazy import LazyCommands, command_summary, list_installed_commands, run_command
 from enliven.errors import InputError
 from enliven.kernel_cache.program import PROGRAM_VARIABLE
 
@@ -42,21 +42,21 @@ def test_the_list_of_commands_imports_no_command():
 
 
 def test_the_help_of_every_command_imports_nothing_heavy():
-    names = [[name] for name in installed_commands()]
+    names = [[name] for name in list_installed_commands()]
     assert imported_by_help_of(*names) == [name for (name,) in names]
 
 
 def test_a_summary_is_the_first_line_of_the_command_s_help():
     group = build_command_group()
     assert isinstance(group, LazyCommands)
-    for name, entry in installed_commands().items():
+    for name, entry in list_installed_commands().items():
         first = command_summary(entry)
         assert first and group.get_command(None, name).help.startswith(first), name
 
 
 def test_command_of_broken_package_is_listed_and_reports_the_error(monkeypatch, capsys):
     broken = EntryPoint("broken", "enliven.no_such_module:broken", "enliven.commands")
-    monkeypatch.setattr("enliven.commands.lazy.installed_commands", lambda: {"broken": broken})
+    monkeypatch.setattr("enliven.commands.lazy.list_installed_commands", lambda: {"broken": broken})
     from enliven import cli
 
     assert cli.run(["--help"]) == 0

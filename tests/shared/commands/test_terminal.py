@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from enliven.commands.terminal import facts_table, plain_console, print_line, progress_lines
+from enliven.commands.terminal import facts_table, make_plain_console, print_line, progress_lines
 
 HOSTILE = "a\x1b[31m\u202e[red]\nforged:rm\x07\x9b2J"
 SHOWN = r"a\x1b[31m\u202e[red]\nforged:rm\x07\x9b2J"
@@ -43,7 +43,7 @@ def test_tables_and_progress_take_no_markup():
 
 
 def test_the_console_of_commands_takes_no_markup(capsys):
-    plain_console().print("[red]x[/red] :smile: 12")
+    make_plain_console().print("[red]x[/red] :smile: 12")
     assert capsys.readouterr().out.strip() == "[red]x[/red] :smile: 12"
 
 

@@ -14,7 +14,7 @@ from tolerances import SOLVER_TOLERANCE, are_alike
 from enliven import rotation
 from enliven.deformation.arap.input import Handle
 from enliven.deformation.arap.solver import ArapSolver
-from enliven.deformation.arap.weights import surface_edges, virtual_edges
+from enliven.deformation.arap.weights import find_virtual_edges, surface_edges
 from enliven.document.surface_settings import ArapSettings
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh, weld
@@ -70,7 +70,7 @@ class Twin:
     def __init__(self, mesh, held, settings):
         self.rest, self.settings, self.held = mesh.vertices, settings, held
         edges, weights = surface_edges(mesh.vertices, mesh.faces)
-        links, more = virtual_edges(mesh.vertices, edges)
+        links, more = find_virtual_edges(mesh.vertices, edges)
         count = len(mesh.vertices)
         self.w = np.zeros((count, count))
         for (i, j), w in zip(np.concatenate([edges, links]), np.concatenate([weights, more]), strict=True):

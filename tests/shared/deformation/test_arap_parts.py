@@ -13,7 +13,7 @@ from enliven.deformation.arap.polar import ROWS, TRACE, N, R, polar
 from enliven.deformation.arap.solver import ArapSolver
 from enliven.deformation.arap.solves import solve_backward, solve_for_unit_vector, solve_forward
 from enliven.deformation.arap.threads import ThreadChoice
-from enliven.deformation.arap.weights import MIN_EDGE_WEIGHT, surface_edges, virtual_edges
+from enliven.deformation.arap.weights import MIN_EDGE_WEIGHT, find_virtual_edges, surface_edges
 from enliven.deformation.graph.connectivity import label_components
 from enliven.document.surface_settings import ArapSettings
 from enliven.meshes.mesh import Mesh
@@ -102,7 +102,7 @@ def test_virtual_edges_make_one_piece_of_many(shells):
     points = (rng.normal(0, 5, (shells, 1, 3)) + rng.normal(0, 0.2, (shells, 4, 3))).reshape(-1, 3)
     faces = np.concatenate([[[k, k + 1, k + 2], [k, k + 2, k + 3]] for k in range(0, 4 * shells, 4)])
     edges, _ = surface_edges(points, faces.astype(np.int32))
-    links, _ = virtual_edges(points, edges)
+    links, _ = find_virtual_edges(points, edges)
     assert label_components(len(points), edges).max() + 1 == shells
     assert label_components(len(points), np.concatenate([edges, links])).max() == 0
     if shells == 2:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
 from enliven.deformation.graph.connectivity import find_weak_edges
 from enliven.deformation.graph.graph import DeformationGraph
-from enliven.deformation.graph.stiffness import painted_stiffness, stiffness_at
+from enliven.deformation.graph.stiffness import compute_painted_stiffness, stiffness_at
 from enliven.document import Character, SkinWeights
 from enliven.errors import InputError
 
@@ -71,19 +71,19 @@ def made_character(seed, stiffness):
 @given(st.integers(0, 2**32 - 1))
 def test_paint_is_the_mean_of_a_nodes_vertices_and_even_paint_is_itself(seed):
     rng = np.random.default_rng(seed)
-    assert painted_stiffness(made_character(seed, None)) is None
-    plain = painted_stiffness(made_character(seed, np.ones(60, np.float32)))
+    assert compute_painted_stiffness(made_character(seed, None)) is None
+    plain = compute_painted_stiffness(made_character(seed, np.ones(60, np.float32)))
     np.testing.assert_array_equal(plain, np.ones(9))
     painted = np.exp2(rng.uniform(-4, 4, 60)).astype(np.float32)
     character = made_character(seed, painted)
-    stiffness = painted_stiffness(character)
+    stiffness = compute_painted_stiffness(character)
     for node in range(9):
         weights = (character.skin.weights * (character.skin.indices == node)).sum(1)
         mean = np.average(np.log(painted), weights=weights) if weights.any() else 0.0
         assert stiffness[node] == pytest.approx(np.exp(mean), rel=1e-5)
     assert painted.min() * 0.999 <= stiffness[:8].min() and stiffness.max() <= painted.max() * 1.001
     np.testing.assert_allclose(
-        painted_stiffness(made_character(seed, 2 * painted))[:8], 2 * stiffness[:8], rtol=1e-5
+        compute_painted_stiffness(made_character(seed, 2 * painted))[:8], 2 * stiffness[:8], rtol=1e-5
     )
 
 

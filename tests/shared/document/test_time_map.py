@@ -39,13 +39,15 @@ def obvious(layer, time, length):
 @laws
 @given(maps, sixteenths, lengths)
 def test_playback_matches_scrubbing_over_the_take(layer, time, length):
-    assert layer.played(time, length) == obvious(layer, time, length)
+    assert layer.find_played_time(time, length) == obvious(layer, time, length)
 
 
 @laws
 @given(maps, sixteenths, sixteenths, lengths)
 def test_a_layer_that_begins_later_plays_the_same_later(layer, time, delay, length):
-    assert layer.later(delay).played(time + delay, length) == layer.played(time, length)
+    assert layer.add_delay(delay).find_played_time(time + delay, length) == layer.find_played_time(
+        time, length
+    )
 
 
 @laws
@@ -53,7 +55,7 @@ def test_a_layer_that_begins_later_plays_the_same_later(layer, time, delay, leng
 def test_inverse_time_map_matches_playback(layer, length, share):
     second = length * share / 16
     time = layer.time_of(second, length)
-    played, rounds = layer.played(time, length)
+    played, rounds = layer.find_played_time(time, length)
     # The two ends of a loop are one moment.
     assert played + rounds * length == second and rounds in ((0, 1) if layer.loop else (0,))
     assert layer.offset <= time <= layer.end(length) == layer.offset + layer.compute_loop_duration(length)
@@ -85,7 +87,7 @@ def test_the_compiled_form_plays_the_same(layers, times, length):
     ],
 )
 def test_the_layers_of_all_rigs_are_time_maps(make):
-    assert make(offset=1.0, speed=-2.0, loop=True).played(1.25, 3.0) == (2.5, 0)
+    assert make(offset=1.0, speed=-2.0, loop=True).find_played_time(1.25, 3.0) == (2.5, 0)
     for wrong in ({"speed": 0.0}, {"speed": np.nan}, {"offset": np.inf}):
         with pytest.raises(InputError, match="is not valid"):
             make(**wrong)

@@ -12,7 +12,7 @@ from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.example_settings import ExampleSettings
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.performer import to_body_frame
+from enliven.examples.performer import convert_to_body_frame
 from enliven.examples.poses import Examples
 from enliven.examples.spacetime.banded import apply_transposed_differences, compute_accelerations
 from enliven.examples.spacetime.constraints import convert_constraints
@@ -60,8 +60,10 @@ def test_result_is_independent_of_performer_position_and_heading(seed, angle, mo
     world, root, yaw = rng.normal(size=(12, 3, 3)), rng.normal(size=(12, 3)), rng.normal(size=12)
     there = rotate_about_y(world, np.array(angle)) + moved, rotate_about_y(root, np.array(angle)) + moved
     mapping = ExampleMap(examples)
-    here = mapping.solve(to_body_frame(world, root, yaw), STEP)
-    np.testing.assert_allclose(mapping.solve(to_body_frame(*there, yaw + angle), STEP), here, atol=1e-7)
+    here = mapping.solve(convert_to_body_frame(world, root, yaw), STEP)
+    np.testing.assert_allclose(
+        mapping.solve(convert_to_body_frame(*there, yaw + angle), STEP), here, atol=1e-7
+    )
 
 
 @given(SEEDS, st.lists(st.floats(-50, 50), min_size=3, max_size=3))
@@ -102,14 +104,14 @@ def dense(mapping, poses, constraints, weight):
             right.append(np.zeros(3))
     middle, size = examples.targets.mean(0), examples.target_size
     for constraint in constraints:
-        p, f = examples.point(constraint.point), constraint.frame
+        p, f = examples.find_point(constraint.point), constraint.frame
         for axis in map("xyz".index, constraint.axes):
             if isinstance(constraint, Position):
                 row, value = place[p, f, axis], constraint.place[axis] - middle[p, axis]
             elif isinstance(constraint, Velocity):
                 row, value = place[p, f, axis] - place[p, f - 1, axis], constraint.velocity[axis] * STEP
             else:
-                o = examples.point(constraint.other)
+                o = examples.find_point(constraint.other)
                 row = place[p, f, axis] - place[o, f, axis]
                 value = constraint.apart[axis] - middle[p, axis] + middle[o, axis]
             rows.append(1e4 * row[None])

@@ -13,7 +13,7 @@ from enliven.document.locomotion import LocomotionSettings
 from enliven.examples.performer import extract_performer_clip
 from enliven.examples.puppet_motion import evaluate_state, solve_layer_motion
 from enliven.examples.spacetime.following import PathFollower
-from enliven.examples.travel import alternating_feet, find_travel
+from enliven.examples.travel import find_alternating_feet, find_travel
 from enliven.modeling.puppet.edits import play_take
 from enliven.modeling.puppet.points import change_point
 from enliven.modeling.puppet.poses import change_key_pose
@@ -170,19 +170,19 @@ def test_drift_does_not_grow_with_loops(seed, rounds):
 def test_feet_alternate_that_go_to_and_fro_or_up_and_down_on_the_ground():
     rest = places_for(np.array([[0.1, 0, 0], [-0.1, 0, 0], [0, 1.0, 0]], float), 0, 0.0)
     poses = np.repeat(rest[None], 3, axis=0)
-    assert alternating_feet(poses, [0, 1]) == ()
+    assert find_alternating_feet(poses, [0, 1]) == ()
     poses[1, 0, 1] = poses[2, 1, 1] = 0.2
-    assert alternating_feet(poses, [0, 1]) == (0, 1)
-    assert alternating_feet(poses, [0]) == () == alternating_feet(poses, [])
+    assert find_alternating_feet(poses, [0, 1]) == (0, 1)
+    assert find_alternating_feet(poses, [0]) == () == find_alternating_feet(poses, [])
     swept = np.repeat(rest[None], 2, axis=0)
     swept[1, :2, 2] = 0.2, -0.2
-    assert alternating_feet(swept, [0, 1]) == (0, 1)
+    assert find_alternating_feet(swept, [0, 1]) == (0, 1)
     together = np.repeat(rest[None], 2, axis=0)
     together[1, :2, 2] = 0.4
-    assert alternating_feet(together, [0, 1]) == ()
+    assert find_alternating_feet(together, [0, 1]) == ()
     fin = np.repeat(rest[None], 2, axis=0)
     fin[:, 1, 1], fin[1, 1, 1] = 0.3, 0.6
-    assert alternating_feet(fin, [0, 1]) == (), "what never touches the ground does not step"
+    assert find_alternating_feet(fin, [0, 1]) == (), "what never touches the ground does not step"
 
 
 @given(st.floats(0.05, 0.5), st.floats(-3, 3), st.floats(1 / 120, 1 / 20))

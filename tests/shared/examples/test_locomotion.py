@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.errors import InputError
 from enliven.examples.spacetime.anchoring import choose_anchors
-from enliven.examples.spacetime.locomotion import find_switches, place_motion, standing_feet
+from enliven.examples.spacetime.locomotion import find_feet_on_floor, find_switches, place_motion
 
 STEP = 1 / 60
 FREE = LocomotionSettings(landing="free")
@@ -135,7 +135,7 @@ def test_shuffling_puppet_moves_by_the_performers_feet():
     assert abs(kept.root[-1, 2]) < 0.7
     assert goes.root[-1, 2] > 4.0
     assert np.diff(goes.root[:, 2]).min() > -1e-6
-    seen = standing_feet(np.stack(feet, 1), STEP, 1.0)
+    seen = find_feet_on_floor(np.stack(feet, 1), STEP, 1.0)
     assert (seen == stands).mean() > 0.5
 
 

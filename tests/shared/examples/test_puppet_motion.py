@@ -27,11 +27,11 @@ from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import extract_performer_clip
 from enliven.examples.puppet_examples import examples_from_key_poses, find_missing_examples
 from enliven.examples.puppet_motion import (
+    convert_to_world_frame,
     evaluate_state,
     loop_position,
     pose_of_state,
     solve_layer_motion,
-    to_world_frame,
 )
 from enliven.examples.travel import find_travel
 from enliven.modeling.edits import change_layers
@@ -117,7 +117,7 @@ def test_the_anchor_does_not_slide_also_between_frames(seed, part):
         spots = []
         for time in ((f - 1) * STEP, (f - 1 + part) * STEP, f * STEP):
             state_now = state(project, time)
-            spots.append(to_world_frame(puppet, state_now, state_now.places[anchor])[[0, 2]])
+            spots.append(convert_to_world_frame(puppet, state_now, state_now.places[anchor])[[0, 2]])
         np.testing.assert_allclose(spots, np.tile(spots[0], (3, 1)), atol=1e-9)
 
 
@@ -129,7 +129,7 @@ def test_lowest_foot_keeps_rest_height_and_motion_starts_at_rest_position():
     np.testing.assert_allclose(begin.root[[0, 2]], 0.0)
     for time in (0.0, 0.4, 1.3):
         now = state(project, time)
-        feet = to_world_frame(puppet, now, now.places[:2])
+        feet = convert_to_world_frame(puppet, now, now.places[:2])
         assert abs(feet[:, 1].min()) < 1e-9
 
 
@@ -214,7 +214,7 @@ def test_loop_is_continuous_in_pose_and_position(seed, rounds):
     before, after = state(project, seam - 1e-7), state(project, seam + 1e-7)
     # The walk ends as it began but for where it is: key poses are met at both ends alike.
     np.testing.assert_allclose(before.places, after.places, atol=1e-5)
-    a, b = (to_world_frame(puppet, now, now.places) for now in (before, after))
+    a, b = (convert_to_world_frame(puppet, now, now.places) for now in (before, after))
     np.testing.assert_allclose(a, b, atol=1e-5)
     a_round = clip.duration * 0.4
     turn = state(project, seam + a_round).yaw - state(project, a_round).yaw
@@ -291,10 +291,10 @@ def test_the_pose_on_the_wire_is_the_state():
     now = state(project, 1.1)
     pose, character = pose_of_state(puppet, now, 77), character_from_puppet(puppet)
     assert pose.time_ns == 77 and pose.positions.shape == character.pivots.shape
-    np.testing.assert_allclose(pose.positions[1:], to_world_frame(puppet, now, now.places), atol=1e-6)
+    np.testing.assert_allclose(pose.positions[1:], convert_to_world_frame(puppet, now, now.places), atol=1e-6)
     some = np.array([[0.1, 0.2, 0.3], [-1.0, 0.5, 0.0]])
     np.testing.assert_allclose(
-        some @ pose.linear[0].T + pose.positions[0], to_world_frame(puppet, now, some), atol=1e-5
+        some @ pose.linear[0].T + pose.positions[0], convert_to_world_frame(puppet, now, some), atol=1e-5
     )
 
 

@@ -54,7 +54,7 @@ def recorded(made, tmp_path):
     project, shape = made
     character, player = character_of(shape), Player(project, "man")
     times = np.arange(25) / 25
-    poses = [replace(player.pose(t), time_ns=BEGIN + round(t * 1e9)) for t in times]
+    poses = [replace(player.compute_message_pose(t), time_ns=BEGIN + round(t * 1e9)) for t in times]
     people = [(BEGIN + round(t * 1e9), [waving(0, t)]) for t in times]
     write_recording(tmp_path / "live.mcap", [(character, poses)], people)
     return character, poses

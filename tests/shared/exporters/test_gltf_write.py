@@ -63,7 +63,7 @@ def random_clip(random, skeleton, frames=9):
 
 def vertices_of(project, shape_id, time):
     character = character_of(project.shape(shape_id))
-    return skin_vertices(character, Player(project, shape_id).pose(time))
+    return skin_vertices(character, Player(project, shape_id).compute_message_pose(time))
 
 
 @settings(max_examples=12, deadline=None)

@@ -10,7 +10,7 @@ from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.baking.settings import BakeSettings
-from enliven.examples.puppet_motion import evaluate_state, to_world_frame
+from enliven.examples.puppet_motion import convert_to_world_frame, evaluate_state
 from enliven.exporters import sample_performance
 from enliven.exporters.gltf.write import build_glb, write_gltf
 from enliven.formats.gltf.read import read_gltf
@@ -33,7 +33,7 @@ def solved(project, times):
     for number, time in enumerate(times):
         state = evaluate_state(project, puppet, time)
         moved = surface.solve(state.places) if number else surface.solve_from_rest(state.places)
-        out.append(to_world_frame(puppet, state, moved))
+        out.append(convert_to_world_frame(puppet, state, moved))
     return np.array(out)
 
 

@@ -85,7 +85,7 @@ def test_recording_contains_every_frame_within_the_error_of_the_wire(walk, tmp_p
 def test_part_of_a_performance_is_cut_out_and_can_be_exported_again(project, tmp_path, capsys):
     shape, player = project.shapes["man"], Player(project, "man")
     times = np.arange(25) / 25
-    poses = [replace(player.pose(time), time_ns=BEGIN + round(time * 1e9)) for time in times]
+    poses = [replace(player.compute_message_pose(time), time_ns=BEGIN + round(time * 1e9)) for time in times]
     people = [(BEGIN + round(time * 1e9), [waving(0, time)]) for time in times]
     write_recording(tmp_path / "live.mcap", [(character_of(shape), poses)], people)
     words = ["--start", "0.2", "--end", "0.6", "--in-place"]

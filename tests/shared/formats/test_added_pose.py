@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.document.clip import joint_places
-from enliven.formats.motion.added_pose import count_added_frames, without_added_poses
+from enliven.formats.motion.added_pose import count_added_frames, remove_added_poses
 from enliven.formats.motion.bvh import read_bvh
 from enliven.motion_clips.take_files import read_take
 from enliven.rotation import from_rotation_vector, multiply, rotate
@@ -101,7 +101,7 @@ def test_omitted_pose_is_reported_and_rest_pose_kept(tmp_path):
         path.write_text(bvh_text(skeleton, values))
         clip, notes = read_take(path)
         assert ["left out" in note for note in notes] == [True] * added
-        assert without_added_poses(read_bvh(path)).frames == len(clip.turns) == 30
+        assert remove_added_poses(read_bvh(path)).frames == len(clip.turns) == 30
         clips.append(clip)
     np.testing.assert_allclose(clips[1].turns, clips[0].turns, atol=1e-9)
     np.testing.assert_allclose(clips[1].skeleton.vectors, clips[0].skeleton.vectors, atol=1e-9)

@@ -162,7 +162,7 @@ def test_a_motion_that_was_edited_is_sampled(tmp_path: Path) -> None:
         assert len(performance.cubic) == (3 if name == "posed" else 0), f"{name}: what was posed is sampled"
         player, reread = Player(project.with_characters(edited), edited.id), written(tmp_path, performance)
         for seconds in (0.0, 0.25, 0.6):
-            shown = skin_vertices(character_of(edited), player.pose(seconds))
+            shown = skin_vertices(character_of(edited), player.compute_message_pose(seconds))
             np.testing.assert_allclose(reread.vertices_at(0, seconds), shown, atol=1e-3, err_msg=name)
 
 
@@ -183,10 +183,10 @@ def test_a_cut_curve_is_the_curve(width: int) -> None:
     given = rows(random, 6, width).reshape(6, 3, width)
     whole = CubicKeys(0, np.cumsum(random.uniform(0.1, 0.4, 6)), given[:, 1], given[:, ::2])
     for first, last in ((0.3, 1.1), (whole.seconds[1], whole.seconds[3]), (0.41, 0.42), (-1.0, 9.0)):
-        cut = whole.between(first, last)
+        cut = whole.cut(first, last)
         seconds = np.linspace(max(first, whole.seconds[0]), min(last, whole.seconds[-1]), 101)
-        np.testing.assert_allclose(cut.at(seconds), whole.at(seconds), atol=2e-6)
-    same = whole.between(whole.seconds[1], whole.seconds[3])
+        np.testing.assert_allclose(cut.evaluate(seconds), whole.evaluate(seconds), atol=2e-6)
+    same = whole.cut(whole.seconds[1], whole.seconds[3])
     assert (same.seconds == whole.seconds[1:4]).all() and (
-        same.values[1] == whole.at(whole.seconds[2:3])
+        same.values[1] == whole.evaluate(whole.seconds[2:3])
     ).all()

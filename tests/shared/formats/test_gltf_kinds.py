@@ -44,7 +44,7 @@ STILL = ["quantised", "sparse", "two_skins", "flat_matrix", "outside_the_scene",
 def seen(rig, clip, seconds):
     """Returns (V, 3) metres, the model at a time of one of its clips."""
     project, shape = play_clip(Project(), rig.shape, clip)
-    return skin_vertices(character_of(shape), Player(project, shape.id).pose(seconds))
+    return skin_vertices(character_of(shape), Player(project, shape.id).compute_message_pose(seconds))
 
 
 @pytest.mark.parametrize("kind", STILL)
@@ -300,7 +300,7 @@ def test_written_file_keeps_keys_and_jumps(tmp_path, number):
     assert ways == {("LINEAR", "STEP", "CUBICSPLINE")[number]}
     project, shape = play_clip(Project(), read_gltf(path).shape, read_gltf(path).clips[number])
     for seconds in near.tolist():
-        shown = skin_vertices(character_of(shape), Player(project, shape.id).pose(seconds))
+        shown = skin_vertices(character_of(shape), Player(project, shape.id).compute_message_pose(seconds))
         np.testing.assert_allclose(shown, slow.vertices_at(number, begin + seconds), atol=2e-3)
 
 

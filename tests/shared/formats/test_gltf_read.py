@@ -24,14 +24,16 @@ from enliven.errors import InputError
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip
 from enliven.meshes import load_mesh
-from enliven.meshes.gltf.parts import strongest_influences
+from enliven.meshes.gltf.parts import find_strongest_influences
 from enliven.motion.layers.evaluate import Player
 
 
 def vertices_of(rig, clip, frame):
     """Returns (V, 3) the model at a frame of a clip, by our own evaluation and skinning."""
     project, shape = play_clip(Project(), rig.shape, clip)
-    return skin_vertices(character_of(shape), Player(project, shape.id).pose(frame * clip.step))
+    return skin_vertices(
+        character_of(shape), Player(project, shape.id).compute_message_pose(frame * clip.step)
+    )
 
 
 @settings(max_examples=8, deadline=None)
@@ -223,7 +225,7 @@ def test_colours_come_from_factor_texture_and_vertex(tmp_path):
 def test_the_four_largest_weights_are_kept(seed, width):
     random = np.random.default_rng(seed)
     joints, weights = random.integers(0, 6, (5, width)), random.uniform(0, 1, (5, width))
-    four, shares = strongest_influences(joints, weights)
+    four, shares = find_strongest_influences(joints, weights)
     assert np.allclose(shares.sum(1), 1)
     for v in range(5):
         total: dict[int, float] = {}

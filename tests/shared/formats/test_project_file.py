@@ -21,7 +21,7 @@ from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.layers import Span
 from enliven.document.project import Project, are_identical
 from enliven.errors import InputError, LaterVersionError, ResourceError
-from enliven.examples.puppet_motion import evaluate_state, to_world_frame
+from enliven.examples.puppet_motion import convert_to_world_frame, evaluate_state
 from enliven.formats.project.file import (
     VERSION,
     parse_project,
@@ -126,7 +126,7 @@ def test_stored_characters_of_every_kind_move_as_they_did(file):
 
 def control_points_of(project, name, time):
     state = evaluate_state(project, project.puppets[name], time)
-    return to_world_frame(project.puppets[name], state, state.places)
+    return convert_to_world_frame(project.puppets[name], state, state.places)
 
 
 def test_there_is_a_stored_file_of_this_version():

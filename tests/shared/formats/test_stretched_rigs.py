@@ -55,7 +55,9 @@ def size_of(shape):
 
 
 def seen(project, shape_id, time):
-    return skin_vertices(character_of(project.shape(shape_id)), Player(project, shape_id).pose(time))
+    return skin_vertices(
+        character_of(project.shape(shape_id)), Player(project, shape_id).compute_message_pose(time)
+    )
 
 
 def agree(a, b, size):
@@ -106,12 +108,16 @@ def test_size_and_mirror_go_with_the_stretches(folder, seed, factor):
     before = seen(project, shape.id, 0.3)
     large = scale_character(project, shape.id, factor)
     # Its stride grows with it, so the root is looked at apart.
-    moved = seen(large, shape.id, 0.3) - Player(large, shape.id).root(0.3)
-    agree(moved, factor * (before - Player(project, shape.id).root(0.3)), factor * max(1.0, np.ptp(before)))
+    moved = seen(large, shape.id, 0.3) - Player(large, shape.id).compute_root(0.3)
+    agree(
+        moved,
+        factor * (before - Player(project, shape.id).compute_root(0.3)),
+        factor * max(1.0, np.ptp(before)),
+    )
     there = mirror_character(project, shape.id, [1.0, 0.0, 0.0])
     back = mirror_character(there, shape.id, [1.0, 0.0, 0.0])
     agree(seen(back, shape.id, 0.3), before, np.ptp(before))
-    place, other = Player(there, shape.id).root(0.3), Player(project, shape.id).root(0.3)
+    place, other = Player(there, shape.id).compute_root(0.3), Player(project, shape.id).compute_root(0.3)
     agree((seen(there, shape.id, 0.3) - place) * [-1, 1, 1], before - other, np.ptp(before))
 
 
@@ -133,9 +139,9 @@ def test_cut_and_merge_keep_world_pose(folder, seed, at, time):
 def test_both_halves_of_a_bone_keep_its_stretch_and_part_its_length(folder):
     _, _, project, shape = model(folder, 11)
     bone = next(j for j in range(1, len(shape.skeleton)) if shape.skeleton.children[j])
-    before = Player(project, shape.id).at(0.4)
+    before = Player(project, shape.id).compute_pose(0.4)
     noded, name = insert_node(project, shape.id, bone, 0.3, rigid=True)
-    parted = Player(noded, shape.id).at(0.4)
+    parted = Player(noded, shape.id).compute_pose(0.4)
     first = noded.shape(shape.id).skeleton.index(name)
     whole = np.linalg.norm(before.joints[bone] - before.joints[shape.skeleton.parents[bone]])
     for half, share in ((first, 0.3), (first + 1, 0.7)):
@@ -146,7 +152,7 @@ def test_both_halves_of_a_bone_keep_its_stretch_and_part_its_length(folder):
 
 def named(project, shape_id, time):
     """Returns the (3,) position of each joint, and the (3, 3) linear map of the bone that ends there."""
-    pose = Player(project, shape_id).at(time)
+    pose = Player(project, shape_id).compute_pose(time)
     both = zip(pose.joints, pose.linear, strict=True)
     return dict(zip(project.shape(shape_id).skeleton.names, both, strict=True))
 
@@ -173,12 +179,12 @@ def test_saving_smoothing_and_retargeting_keep_stretch_tracks(folder):
     for take, own in ((clip, True), (foreign, False)):
         bound = bind_chain(project.with_takes(take), shape.id, (0, 1), take.id, (0, 1), basis=[1, 0, 0, 0])
         assert bound.shape(shape.id).layers[0].stretch == own
-        changed = np.abs(Player(bound, shape.id).at(0.3).linear[1] - turned(bound, shape.id)).max()
+        changed = np.abs(Player(bound, shape.id).compute_pose(0.3).linear[1] - turned(bound, shape.id)).max()
         assert (changed > 1e-3) == own
 
 
 def turned(project, shape_id):
-    pose = Player(project, shape_id).at(0.3)
+    pose = Player(project, shape_id).compute_pose(0.3)
     return replace(pose, stretch=None).linear[1]
 
 

@@ -8,7 +8,7 @@ import pytest
 
 import enliven.kernels  # noqa: F401  (it registers the listener)
 from enliven.kernel_cache import compiling
-from enliven.kernel_cache.compiling import on_compilation
+from enliven.kernel_cache.compiling import watch_compilation
 
 
 def test_compilations_are_counted_from_start_to_end():
@@ -21,12 +21,12 @@ def test_compilations_are_counted_from_start_to_end():
         return inner(x)
 
     counts = []
-    with on_compilation(counts.append):
+    with watch_compilation(counts.append):
         outer(1)
         outer(2)
     outer(2.5)
     assert [count - counts[0] for count in counts] == [0, 0], "outer began, then inner, and neither had ended"
-    with on_compilation(counts.append):
+    with watch_compilation(counts.append):
         outer(2j)
     assert counts[2] - counts[0] == 4, "the complex outer began when both had ended twice"
 
@@ -36,7 +36,7 @@ def test_garbage_is_collected_after_compiling_as_before(enabled):
     during = []
     try:
         gc.enable() if enabled else gc.disable()
-        with on_compilation(lambda count: during.append(gc.isenabled())):
+        with watch_compilation(lambda count: during.append(gc.isenabled())):
             numba.njit(lambda x: x * 2)(1)
         assert during and not any(during)
         assert gc.isenabled() is enabled

@@ -13,8 +13,8 @@ from enliven.mapping.assignment import (
     Drive,
     assign_limbs,
     joints_at_one_arc,
-    matching_joints,
-    matching_joints_of_poses,
+    match_joints,
+    match_joints_of_poses,
     split_drive,
 )
 from enliven.skeletons.anatomy import find_anatomy
@@ -99,18 +99,18 @@ def most(one, other, near):
 
 def test_equal_numbers_of_segments_map_one_to_one():
     arm = Drive((0, 1, 2), (5, 6, 7), "arm")
-    assert matching_joints(arm, [0, 0.2, 1], [0, 0.8, 1]) == [(1, 1)]
+    assert match_joints(arm, [0, 0.2, 1], [0, 0.8, 1]) == [(1, 1)]
 
 
 def test_other_numbers_of_segments_map_by_arc_length():
     arm = Drive((0, 1, 2), (5, 6, 7, 8), "arm")
-    assert matching_joints(arm, [0, 0.45, 1], [0, 0.1, 0.55, 1]) == [(1, 2)]
-    assert matching_joints(arm, [0, 0.45, 1], [0, 0.1, 0.8, 1]) == []
+    assert match_joints(arm, [0, 0.45, 1], [0, 0.1, 0.55, 1]) == [(1, 2)]
+    assert match_joints(arm, [0, 0.45, 1], [0, 0.1, 0.8, 1]) == []
 
 
 def test_joints_of_one_name_match_whatever_their_place():
     arm = Drive((0, 1, 2), (5, 6, 7, 8), "arm", knots=((1, 6),))
-    assert matching_joints(arm, [0, 0.5, 1], [0, 0.1, 0.5, 1]) == [(1, 1)]
+    assert match_joints(arm, [0, 0.5, 1], [0, 0.1, 0.5, 1]) == [(1, 1)]
 
 
 def random_arc(random, above, below):
@@ -134,7 +134,7 @@ def test_posed_limbs_have_an_elbow_and_a_wrist_at_any_proportions(seed, above, b
     (source, source_tip), (target, target_tip) = (
         random_arc(random, *counts) for counts in zip(above, below, strict=True)
     )
-    cuts = matching_joints_of_poses(source, target, source_tip, target_tip)
+    cuts = match_joints_of_poses(source, target, source_tip, target_tip)
     assert cuts == sorted(set(cuts)) and (source_tip, target_tip) in cuts
     assert sum(a < source_tip for a, _ in cuts) == min(above)
     assert all((a < source_tip) == (b < target_tip) for a, b in cuts)
@@ -143,4 +143,4 @@ def test_posed_limbs_have_an_elbow_and_a_wrist_at_any_proportions(seed, above, b
 
 
 def test_a_limb_without_a_hand_has_an_elbow():
-    assert matching_joints_of_poses([0, 0.4, 0.75, 0.9, 1], [0, 0.15, 1], 2, 2) == [(1, 1)]
+    assert match_joints_of_poses([0, 0.4, 0.75, 0.9, 1], [0, 0.15, 1], 2, 2) == [(1, 1)]

@@ -20,8 +20,8 @@ from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
 from enliven.mapping.plan import ChainPlan, Plan
 from enliven.mapping.resting import (
     change_rest_pose,
-    first_heading,
-    hanging_pose,
+    compute_first_heading,
+    compute_hanging_pose,
     mean_pose,
     mean_turn,
     pose_at,
@@ -49,7 +49,7 @@ def test_on_oneself_it_is_the_identity(seed):
     random = np.random.default_rng(seed)
     for skeleton in (man(), horse()):
         clip = random_motion(random, skeleton)
-        heading = first_heading(clip)
+        heading = compute_first_heading(clip)
         shape = shape_with_markers("self", skeleton)
         result = retarget(shape, clip, replace(create_automatic_plan(clip, shape), floor=False))
         assert {chain.mode for chain in result.plan.chains} == {"pose"}
@@ -96,7 +96,7 @@ def test_travel_goes_where_the_performer_goes(seed):
     plan = replace(create_automatic_plan(clip, shape), travel=True)
     result = retarget(shape, clip, plan)
     way = made_joints(result, 0.7)[0] - made_joints(result, 0.0)[0]
-    back = first_heading(clip) * [1, -1, -1, -1]
+    back = compute_first_heading(clip) * [1, -1, -1, -1]
     np.testing.assert_allclose(way, rotate(back, clip.root[-1] - clip.root[0]), atol=1e-6)
     still = retarget(shape, clip)
     level = [0, 2]
@@ -213,7 +213,7 @@ def test_one_leg_poses_two(seed):
         shape_with_markers("h", horse()), clip, Plan(floor=False, chains=(trunk, chain, other, moved))
     )
     assert len(result.project.takes) == 3
-    back = first_heading(clip) * [1, -1, -1, -1]
+    back = compute_first_heading(clip) * [1, -1, -1, -1]
     knee, hip = man().index("Left knee"), man().index("Left hip")
     for frame in (0, 5):
         at = joints_of(clip, frame)
@@ -238,7 +238,7 @@ def test_hanging_pose_of_a_waving_performer_has_hanging_arms():
     def rise(since):
         return rotate(since[arm[1]], skeleton.vectors[arm[1]])[1] / skeleton.lengths[arm[1]]
 
-    assert rise(hanging_pose(clip, [arm])) == pytest.approx(-1.0)
+    assert rise(compute_hanging_pose(clip, [arm])) == pytest.approx(-1.0)
     assert rise(mean_pose(clip)) > 0.0
 
 
@@ -310,7 +310,7 @@ def test_stretches_of_a_take_go_on_to_another_body_where_that_is_asked_for():
         result = retarget(
             shape, clip, replace(create_automatic_plan(clip, shape), stretch=stretch, floor=False)
         )
-        joints = Player(result.project, "giant").at(0.3).joints
+        joints = Player(result.project, "giant").compute_pose(0.3).joints
         lengths.append(np.linalg.norm(joints[wrist] - joints[elbow]) / rest)
     assert lengths == pytest.approx([1.0, 1.5], abs=0.02)
     assert soften_plan(replace(create_automatic_plan(clip, shape), stretch=True), clip, shape).stretch

@@ -13,10 +13,10 @@ from enliven.document.skeleton import Skeleton
 from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
 from enliven.mapping.ground import (
     body_points,
+    compute_posed_surfaces,
     floor_height_under,
     leap_heights,
     level_root,
-    posed_surfaces,
     stands_on_floor,
 )
 from enliven.mapping.quality import measure_quality
@@ -27,7 +27,7 @@ SEEDS = st.integers(0, 10_000)
 
 
 def lowest(made, times):
-    return np.array([at[:, 1].min() for at in posed_surfaces(made.project, made.shape_id, times)])
+    return np.array([at[:, 1].min() for at in compute_posed_surfaces(made.project, made.shape_id, times)])
 
 
 @settings(max_examples=4, deadline=None)
@@ -63,7 +63,9 @@ def test_a_leap_is_a_leap_and_a_handstand_stands():
     shape = shape_with_markers("horse", horse())
     result = retarget(shape, upside, replace(create_automatic_plan(upside, shape), level=False, rest="first"))
     top = max(horse().positions[:, 1])
-    upright, inverted = (Player(result.project, "horse").root(np.array([t]))[0, 1] for t in (0.0, 0.8))
+    upright, inverted = (
+        Player(result.project, "horse").compute_root(np.array([t]))[0, 1] for t in (0.0, 0.8)
+    )
     assert inverted == pytest.approx(top - upright, abs=0.1)
     assert lowest(result, np.array([0.0, 0.2, 0.5, 0.8])) == pytest.approx(
         floor_height_under(shape), abs=1e-5
@@ -78,7 +80,7 @@ def test_what_swims_or_flies_keeps_its_height():
     assert not stands_on_floor(flying)
     result = retarget(flying, clip)
     assert result.project.shape("flying").travel is None
-    still = Player(result.project, "flying").root(np.array([0.0, 0.5]))
+    still = Player(result.project, "flying").compute_root(np.array([0.0, 0.5]))
     np.testing.assert_allclose(still, np.repeat(flying.skeleton.positions[:1], 2, 0))
     assert shape.place.shape == (3,)
 
@@ -120,7 +122,7 @@ def test_a_stride_is_the_models_own():
     def way(weight):
         chains = tuple(replace(c, weight=weight) if "leg" in c.role else c for c in plan.chains)
         result = retarget(shape, clip, replace(plan, chains=chains))
-        at = Player(result.project, "spider").root(np.array([0.0, result.duration]))
+        at = Player(result.project, "spider").compute_root(np.array([0.0, result.duration]))
         return float(np.linalg.norm((at[1] - at[0])[[0, 2]]))
 
     assert 1.2 * way(0.2) < way(0.4) < way(0.8) / 1.2
@@ -144,7 +146,9 @@ def test_a_weapon_that_reaches_the_floor_is_not_a_foot(name, length):
     np.testing.assert_array_equal(np.flatnonzero(~body), np.arange(len(body))[-3:])
     plan = replace(create_automatic_plan(clip, shape), travel=True)
     result = retarget(shape, clip, plan)
-    at = np.array(list(posed_surfaces(result.project, "armed", np.linspace(0.0, result.duration, 20))))
+    at = np.array(
+        list(compute_posed_surfaces(result.project, "armed", np.linspace(0.0, result.duration, 20)))
+    )
     assert at[:, ~body, 1].min() < floor_height_under(shape) - 0.2
     np.testing.assert_allclose(at[:, body, 1].min(1), floor_height_under(shape), atol=0.002)
     quality = measure_quality(result.project, "armed", clip, result.duration, plan)

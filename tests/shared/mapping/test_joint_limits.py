@@ -16,7 +16,7 @@ from enliven.document.project import Project
 from enliven.document.skeleton import Skeleton
 from enliven.mapping.automatic_mapping import create_automatic_plan, play_own_take, retarget
 from enliven.mapping.joint_limits import joint_ranges
-from enliven.mapping.model_clips import own_clips
+from enliven.mapping.model_clips import list_own_clips
 from enliven.mapping.plan import Plan
 from enliven.mapping.plan_file import read_plan, write_plan
 from enliven.motion.kinematics.ranges import FREE_SWING, MAX_UNKNOWN_SWING, SOFT_MARGIN
@@ -186,7 +186,7 @@ def test_what_begins_at_a_limited_joint_moves_along():
 
 def test_a_take_of_one_pose_is_limited_too():
     shape, clip = shape_with_markers("horse", horse()), raised_arms()
-    still = clip.mapped(lambda track: track[19:20])
+    still = clip.map_values(lambda track: track[19:20])
     result = retarget(shape, still, free(still, shape, rest="zero"), clips=(grazing(),))
     assert "Left shoulder" in result.limited
     assert (
@@ -219,4 +219,4 @@ def test_takes_that_limits_made_are_not_clips_of_the_model():
         shape, clip, replace(create_automatic_plan(clip, shape), travel=True), project, (grazing(),)
     )
     assert result.limited and "raise: limits" in result.project.takes
-    assert own_clips(result.project, shape) == ("graze",)
+    assert list_own_clips(result.project, shape) == ("graze",)

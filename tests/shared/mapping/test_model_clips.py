@@ -12,12 +12,12 @@ from enliven.exporters.sampling import sample_performance
 from enliven.mapping.automatic_mapping import play_own_take, retarget
 from enliven.mapping.model_clips import (
     clip_to_open,
+    find_played_clip,
     is_looping,
+    list_own_clips,
     loop_takes,
     mute_takes,
-    own_clips,
     play_own_clip,
-    played_clip,
 )
 from enliven.modeling.edits import key_handle, scale_character, turn_character
 from enliven.motion.layers.evaluate import Player
@@ -28,7 +28,7 @@ QUARTER = from_rotation_vector(np.array([0.0, np.pi / 2, 0.0]))
 
 def closed(clip):
     """Returns the clip with its first frame repeated at its end."""
-    return clip.mapped(lambda track: np.concatenate([track, track[:1]]))
+    return clip.map_values(lambda track: np.concatenate([track, track[:1]]))
 
 
 def clips_of(skeleton, seed=3):
@@ -53,12 +53,12 @@ def test_a_clip_that_ends_in_its_first_pose_loops_wherever_it_went():
     assert is_looping(replace(around, root=around.root + way)), "a walk that goes on"
     risen = around.root + np.linspace(0.0, 2.0, len(around.root))[:, None] * [0.0, 1.0, 0.0]
     assert not is_looping(replace(around, root=risen)), "a jump that ends in the air"
-    assert not is_looping(around.mapped(lambda track: track[:1]))
+    assert not is_looping(around.map_values(lambda track: track[:1]))
 
 
 def test_a_model_opens_with_a_clip_that_moves_and_loops_the_idle_one_first():
     shape, (once, around) = shape_with_markers("horse", horse()), clips_of(horse())
-    pose = once.mapped(lambda track: np.repeat(track[:1], 3, 0))
+    pose = once.map_values(lambda track: np.repeat(track[:1], 3, 0))
     idle = replace(around, id="Armature|Idle_2")
     other = clips_of(man())[1]
     assert clip_to_open(shape, [pose, once, around]) is around
@@ -70,7 +70,10 @@ def test_a_model_opens_with_a_clip_that_moves_and_loops_the_idle_one_first():
 def test_a_chosen_clip_plays_exactly_and_again_and_again():
     project = opened()
     shape, clip = project.shape("horse"), project.takes["round"]
-    assert played_clip(project, shape) == "round" and set(own_clips(project, shape)) == {"once", "round"}
+    assert find_played_clip(project, shape) == "round" and set(list_own_clips(project, shape)) == {
+        "once",
+        "round",
+    }
     times = np.arange(len(clip.turns)) * clip.step
     turns, joints = Player(project, "horse").sample(times)
     np.testing.assert_allclose(turns[:-1], clip.turns[:-1], atol=1e-12)
@@ -84,7 +87,7 @@ def test_clips_are_changed_for_a_model_that_was_turned_and_scaled():
     """Rotating and scaling the model also rotates and scales its other clips."""
     moved = turn_character(scale_character(opened("once"), "horse", 2.0), "horse", QUARTER)
     moved = play_own_clip(moved, "horse", "round")
-    assert played_clip(moved, moved.shape("horse")) == "round"
+    assert find_played_clip(moved, moved.shape("horse")) == "round"
     before = play_own_clip(opened("once"), "horse", "round")
     after = turn_character(scale_character(before, "horse", 2.0), "horse", QUARTER)
     times = np.linspace(0.0, 0.4, 5)
@@ -96,10 +99,10 @@ def test_clips_are_changed_for_a_model_that_was_turned_and_scaled():
 def test_no_clip_leaves_the_model_at_rest_and_keys_stay():
     project = opened()
     still = play_own_clip(project, "horse", None)
-    assert played_clip(still, still.shape("horse")) is None
-    np.testing.assert_allclose(Player(still, "horse").at(0.2).joints, horse().positions, atol=1e-12)
+    assert find_played_clip(still, still.shape("horse")) is None
+    np.testing.assert_allclose(Player(still, "horse").compute_pose(0.2).joints, horse().positions, atol=1e-12)
     back = play_own_clip(still, "horse", "once")
-    assert played_clip(back, back.shape("horse")) == "once"
+    assert find_played_clip(back, back.shape("horse")) == "once"
     keyed = key_handle(project, "horse", 3, [0.4, 0.9, 0.2], 0.1)
     changed = play_own_clip(keyed, "horse", "once")
     assert any(changed.takes[layer.take].keys for layer in changed.shape("horse").layers)

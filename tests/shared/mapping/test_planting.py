@@ -12,16 +12,16 @@ from made_gaits import HEEL, STEP, TOE, gait, shod, sway
 from enliven.document.clip import Clip, joint_places
 from enliven.document.skeleton import Skeleton
 from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
-from enliven.mapping.ground import floor_height_under, posed_surfaces
+from enliven.mapping.ground import compute_posed_surfaces, floor_height_under
 from enliven.mapping.planting import (
     PosedLeg,
     Sole,
+    compute_rolling_motion,
     contact_clearance,
+    find_standing_spans,
     hold_heading,
     plant_body,
     remove_spin,
-    rolling_motion,
-    standing_spans,
 )
 from enliven.mapping.quality import measure_quality
 from enliven.motion.layers.evaluate import Player
@@ -54,7 +54,7 @@ def steps_of(speed, stance_s, swing_s=0.35, rounds=4, seed=0):
 def test_contacts_of_walks_runs_and_sprints_are_found(speed, stance):
     foot, root, stands = steps_of(speed, stance)
     in_contact = np.zeros(len(foot), bool)
-    for first, last in standing_spans(foot[:, None], root, STEP, 0.85):
+    for first, last in find_standing_spans(foot[:, None], root, STEP, 0.85):
         in_contact[first : last + 1] = True
     edges = np.convolve(np.abs(np.diff(stands.astype(int), prepend=0)), np.ones(7), "same") > 0
     assert (in_contact == stands)[~edges].all(), "but for three frames at the ends of each contact"
@@ -65,10 +65,10 @@ def test_a_foot_that_is_lifted_on_the_spot_or_glides_does_not_stand():
     times = np.arange(120)[:, None] * STEP
     still = np.tile([0.0, 0.9, 0.0], (120, 1))
     lifted = np.clip(np.sin(2 * np.pi * times), 0.0, None) * [0.0, 0.4, 0.0]
-    for first, last in standing_spans(lifted[:, None], still, STEP, 0.85):
+    for first, last in find_standing_spans(lifted[:, None], still, STEP, 0.85):
         assert lifted[first : last + 1, 1].max() < 0.1
     glides = times * [0.0, 0.0, 3.0]
-    assert standing_spans(glides[:, None], np.add(glides, [0.0, 0.9, 0.0]), STEP, 0.85) == ()
+    assert find_standing_spans(glides[:, None], np.add(glides, [0.0, 0.9, 0.0]), STEP, 0.85) == ()
 
 
 @settings(deadline=None, max_examples=15)
@@ -76,7 +76,7 @@ def test_a_foot_that_is_lifted_on_the_spot_or_glides_does_not_stand():
 def test_the_foot_that_stands_is_still_and_on_the_floor(seed, speed, longer):
     """A body with a foot that goes farther or less far than its performer's beside the hips."""
     foot, root, _ = steps_of(speed, 0.3, seed=seed)
-    spans = standing_spans(foot[:, None], root, STEP, 0.85)
+    spans = find_standing_spans(foot[:, None], root, STEP, 0.85)
     own = (foot - root) * [1.0, 1.0, longer]
     leg = PosedLeg(own[:, [0, 2]], own[:, 1] - 0.03, np.maximum(foot[:, 1] - 0.03, 0.0), 0.85, spans)
     way, (offset,) = plant_body([leg], root, STEP, 0.0)
@@ -121,11 +121,14 @@ def test_legs_of_other_proportions_keep_their_pose_while_feet_are_planted(shin):
     legs = [limb for limb in quality.limbs if "thigh" in limb.limb or "shin" in limb.limb]
     assert legs and max(limb.median for limb in legs) < 4.0 and quality.slide < 3.0
     low = [
-        at[:, 1].min() for at in posed_surfaces(result.project, "man", np.linspace(0.0, result.duration, 20))
+        at[:, 1].min()
+        for at in compute_posed_surfaces(result.project, "man", np.linspace(0.0, result.duration, 20))
     ]
     assert min(low) > floor_height_under(shape) - 1e-3
     free = retarget(shape, clip, replace(plan, pin=False))
-    ways = [Player(each.project, "man").root(np.array([0.0, clip.duration])) for each in (result, free)]
+    ways = [
+        Player(each.project, "man").compute_root(np.array([0.0, clip.duration])) for each in (result, free)
+    ]
     assert np.linalg.norm(ways[0][1] - ways[0][0]) > 0.5 * np.linalg.norm(ways[1][1] - ways[1][0])
 
 
@@ -137,7 +140,7 @@ def test_a_wheel_rolls_by_its_radius_times_its_angle(seed, radius):
     rim = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
     around = rim + angles[:, None]
     points = radius * np.stack([0.0 * around, np.cos(around), np.sin(around)], axis=2)
-    rolled, low = rolling_motion(points, 1e-4 * radius)
+    rolled, low = compute_rolling_motion(points, 1e-4 * radius)
     np.testing.assert_allclose(low, -radius, rtol=1e-3)
     # The lowest point of a wheel that turns towards +Z goes back.
     np.testing.assert_allclose(rolled[:, 1], -radius * (angles - angles[0]), atol=0.01 * radius)
@@ -155,9 +158,9 @@ def test_of_two_parts_that_touch_the_floor_the_larger_stands_still(seed, few, mo
     way = np.cumsum(random.uniform(-0.004, 0.004, (40, 3)), axis=0) * [1.0, 0.0, 1.0]
     moved = moving + way[:, None]
     points = np.concatenate([np.tile(still, (40, 1, 1)), moved], axis=1)
-    rolled = rolling_motion(points, 0.005)[0]
+    rolled = compute_rolling_motion(points, 0.005)[0]
     assert np.abs(np.diff(rolled, axis=0)).max() < 0.2 * np.abs(np.diff(way, axis=0)).max()
-    np.testing.assert_allclose(rolling_motion(moved, 0.005)[0], (way - way[0])[:, [0, 2]], atol=1e-12)
+    np.testing.assert_allclose(compute_rolling_motion(moved, 0.005)[0], (way - way[0])[:, [0, 2]], atol=1e-12)
 
 
 def with_toe_tips(skeleton, name):
@@ -217,7 +220,7 @@ def slide_of(shape, clip, stands, plan):
     """
     result = retarget(shape, clip, plan)
     moments = np.arange(len(clip.turns)) * STEP
-    at = np.array(list(posed_surfaces(result.project, shape.id, moments))) - [
+    at = np.array(list(compute_posed_surfaces(result.project, shape.id, moments))) - [
         0.0,
         floor_height_under(shape),
         0.0,
@@ -396,7 +399,7 @@ def wide_hipped(width, extra):
     at = skeleton.positions.copy()
     for side in ("Left", "Right"):
         hip = skeleton.index(f"{side} hip")
-        for j in skeleton.below(hip):
+        for j in skeleton.list_subtree(hip):
             at[j, 0] += (width - 1.0) * skeleton.positions[hip, 0]
         if side == "Left":
             at[hip, 1] += extra

@@ -11,7 +11,7 @@ from made_bodies import crawler, horse, man, random_motion, shape_with_markers, 
 from enliven.document.clip import Clip, joint_places
 from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
 from enliven.mapping.gait import find_stepping_legs, legs_that_step
-from enliven.mapping.ground import floor_height_under, posed_surfaces
+from enliven.mapping.ground import compute_posed_surfaces, floor_height_under
 from enliven.mapping.quality import measure_quality
 from enliven.mapping.softening import soften_plan
 from enliven.motion.layers.evaluate import Player
@@ -75,7 +75,10 @@ def test_pinned_feet_of_what_crawls_step_and_are_on_the_floor(seed):
     gone = np.linalg.norm(joints[-1, 0] - joints[0, 0])
     assert len(legs_that_step(shape, clip, create_automatic_plan(clip, shape))) == free.shape[1]
     assert np.linalg.norm(held - free, axis=2).max() < 0.12 * gone
-    low = [at[:, 1].min() for at in posed_surfaces(pinned.project, "crawler", np.arange(0, FRAMES, 2) * STEP)]
+    low = [
+        at[:, 1].min()
+        for at in compute_posed_surfaces(pinned.project, "crawler", np.arange(0, FRAMES, 2) * STEP)
+    ]
     assert min(low) - floor_height_under(shape) > -0.015 * tall
     loose = made_of(shape, clip, pin=True, floor=False)
     assert feet(loose)[1][..., 1].min() > -1e-3 * tall, "without the floor kept, feet that hold keep it"
@@ -173,5 +176,7 @@ def test_forelegs_that_arms_push_down_do_not_lift_the_body(seed, model):
     tall = np.ptp(shape.mesh.vertices[:, 1])
     joints, _ = feet(result)
     assert np.ptp(joints[:, 0, 1]) < 0.02 * tall, "the body stays at one height as the performer's does"
-    low = [at[:, 1].min() for at in posed_surfaces(result.project, model, np.arange(0, FRAMES, 3) * STEP)]
+    low = [
+        at[:, 1].min() for at in compute_posed_surfaces(result.project, model, np.arange(0, FRAMES, 3) * STEP)
+    ]
     assert np.abs(np.array(low) - floor_height_under(shape)).max() < 0.02 * tall

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.matching.abstraction import abstract_joint_tree, abstract_skeleton
+from enliven.matching.abstraction import make_abstract_joint_tree, make_abstract_skeleton
 from enliven.matching.ranking import Matcher
 from enliven.matching.source import match_source_from_joints
 from enliven.matching.views import ScreenView
@@ -26,7 +26,7 @@ from trees_for_matching import Drawing, figure_three, trees
 
 def test_figure_3_of_the_paper_is_reproduced():
     positions, links, named = figure_three()
-    abstraction = abstract_joint_tree(positions, links)
+    abstraction = make_abstract_joint_tree(positions, links)
     assert abstraction.root == named["root"]
     assert [(tree.name, tree.root) for tree in abstraction.candidates] == [
         ("1-1", named["1-1"]),
@@ -62,7 +62,7 @@ def test_only_one_set_of_branch_counts_gives_the_papers_sixteen():
 def test_equals_the_text_word_for_word(tree, rooted, root):
     positions, links = tree
     root = root % len(positions) if rooted else None
-    abstraction = abstract_joint_tree(positions, links, root)
+    abstraction = make_abstract_joint_tree(positions, links, root)
     expected_root, levels = literal_candidates(positions, links, root)
     if not levels:  # no branch node at all: one candidate, at the root
         (only,) = abstraction.candidates
@@ -88,7 +88,7 @@ def test_equals_the_text_word_for_word(tree, rooted, root):
 def test_chains_are_real_and_lengths_are_of_all_bones(tree, rooted):
     positions, links = tree
     linked = {frozenset(link) for link in links}
-    for candidate in abstract_joint_tree(positions, links, 0 if rooted else None).candidates:
+    for candidate in make_abstract_joint_tree(positions, links, 0 if rooted else None).candidates:
         covered = set()
         for branch in candidate.branches:
             for chain in (branch.chain, branch.extended):
@@ -128,7 +128,7 @@ def longest(positions, links, above, joint):
 
 def test_a_given_root_never_becomes_a_leaf():
     positions, links, named = figure_three()
-    abstraction = abstract_joint_tree(positions, links, named["root"])
+    abstraction = make_abstract_joint_tree(positions, links, named["root"])
     assert [tree.name for tree in abstraction.candidates] == ["1-1", "1-2", "2-1", "2-2", "3-1"]
     assert abstraction.candidates[-1].root == named["root"]
     inside = {j for tree in abstraction.candidates[:-1] for b in tree.branches for j in b.chain}
@@ -140,7 +140,7 @@ def test_a_star_is_a_candidate_and_its_middle_the_root():
     middle = tree.limb(None, (0.0, 0.0))
     for angle in np.arange(8) * np.pi / 4:
         tree.limb(middle, *(np.array([np.cos(angle), np.sin(angle)]) * r for r in (1.0, 2.0, 3.0)))
-    abstraction = abstract_joint_tree(tree.points, tree.links)
+    abstraction = make_abstract_joint_tree(tree.points, tree.links)
     assert abstraction.root == middle
     (star,) = abstraction.candidates
     assert len(star.branches) == 8
@@ -149,11 +149,11 @@ def test_a_star_is_a_candidate_and_its_middle_the_root():
 def test_a_snake_without_a_branch_node_is_one_candidate():
     points = [(x, 0.0, 0.0) for x in range(7)]
     links = [(i, i + 1) for i in range(6)]
-    abstraction = abstract_joint_tree(points, links)
+    abstraction = make_abstract_joint_tree(points, links)
     assert abstraction.root == 3
     (only,) = abstraction.candidates
     assert [branch.chain for branch in only.branches] == [(3, 2, 1, 0), (3, 4, 5, 6)]
-    assert [b.chain for b in abstract_joint_tree(points, links, 0).candidates[0].branches] == [
+    assert [b.chain for b in make_abstract_joint_tree(points, links, 0).candidates[0].branches] == [
         (0, 1, 2, 3, 4, 5, 6)
     ]
 
@@ -161,7 +161,7 @@ def test_a_snake_without_a_branch_node_is_one_candidate():
 def test_bones_of_zero_length_are_tolerated():
     points = np.zeros((6, 3))
     links = [(0, 1), (1, 2), (2, 3), (1, 4), (4, 5)]
-    for candidate in abstract_joint_tree(points, links).candidates:
+    for candidate in make_abstract_joint_tree(points, links).candidates:
         for branch in candidate.branches:
             assert np.isfinite(branch.position(points)).all()
             assert sum(branch.weights.values()) == pytest.approx(1.0)
@@ -173,12 +173,12 @@ def test_a_skeleton_is_rooted_where_it_says():
     for a, b in links:
         parents[b] = a
     skeleton = Skeleton(tuple(f"j{i}" for i in range(len(positions))), parents, positions)
-    assert abstract_skeleton(skeleton).root == 0
-    assert abstract_skeleton(skeleton, None) == abstract_joint_tree(positions, links)
+    assert make_abstract_skeleton(skeleton).root == 0
+    assert make_abstract_skeleton(skeleton, None) == make_abstract_joint_tree(positions, links)
 
 
 def test_one_joint_has_no_candidate():
-    assert abstract_joint_tree([(0.0, 0.0, 0.0)], []).candidates == ()
+    assert make_abstract_joint_tree([(0.0, 0.0, 0.0)], []).candidates == ()
 
 
 @pytest.mark.parametrize(
@@ -190,7 +190,7 @@ def test_one_joint_has_no_candidate():
 )
 def test_non_tree_error_names_joints(links, told):
     with pytest.raises(InputError, match=told.split(":")[0]) as caught:
-        abstract_joint_tree(np.eye(4, 3), links, names=["hip", "knee", "toe", "tail"])
+        make_abstract_joint_tree(np.eye(4, 3), links, names=["hip", "knee", "toe", "tail"])
     if "cycle" in told:
         assert all(name in str(caught.value) for name in ("hip", "knee", "toe"))
         assert "tail" not in str(caught.value)
@@ -200,4 +200,4 @@ def test_non_tree_error_names_joints(links, told):
 
 def test_missing_root_is_refused():
     with pytest.raises(InputError, match="joint 7 does not exist"):
-        abstract_joint_tree(np.eye(3), [(0, 1), (1, 2)], 7)
+        make_abstract_joint_tree(np.eye(3), [(0, 1), (1, 2)], 7)

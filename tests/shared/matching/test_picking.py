@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from enliven.matching.abstraction import abstract_joint_tree
+from enliven.matching.abstraction import make_abstract_joint_tree
 from enliven.matching.picking import Picker, PickingSettings
 from enliven.matching.ranking import Matcher
 from enliven.matching.views import ScreenView
 
 POSITIONS = np.array([[0, 0, 0], *((np.cos(a), np.sin(a), 0.0) for a in np.arange(6) * np.pi / 3)])
-MATCHER = Matcher(abstract_joint_tree(POSITIONS, [(0, i) for i in range(1, 7)]), POSITIONS)
+MATCHER = Matcher(make_abstract_joint_tree(POSITIONS, [(0, i) for i in range(1, 7)]), POSITIONS)
 
 
 class Performer:
@@ -145,7 +145,7 @@ def test_moving_begins_the_time_again():
 
 
 def test_without_a_match_nothing_is_shown():
-    nothing = Matcher(abstract_joint_tree(np.zeros((1, 3)), []), np.zeros((1, 3)))
+    nothing = Matcher(make_abstract_joint_tree(np.zeros((1, 3)), []), np.zeros((1, 3)))
     points = np.eye(3)[:2]
     picker = Picker()
     assert picker.update(nothing.rank(points, ScreenView()), points, 0.0).match is None

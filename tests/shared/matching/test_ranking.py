@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
-from enliven.matching.abstraction import abstract_joint_tree
+from enliven.matching.abstraction import make_abstract_joint_tree
 from enliven.matching.assignment import all_choices, assign, best_choices, binomials, solve_assignment
 from enliven.matching.ranking import Matcher, RankingSettings
 from enliven.matching.source import match_source_from_joints
@@ -63,7 +63,7 @@ def random_view(seed):
 @settings(max_examples=60, deadline=None)
 def test_equals_brute_force(tree, m, seed):
     positions, links = tree
-    abstraction = abstract_joint_tree(positions, links)
+    abstraction = make_abstract_joint_tree(positions, links)
     source = np.random.default_rng(seed).normal(size=(m + 1, 3))
     view = random_view(seed + 1)
     ranking = Matcher(abstraction, positions, settings=ALL).rank(source, view)
@@ -82,9 +82,11 @@ def test_neither_place_nor_size_nor_order_of_children_matters(tree, m, seed, sca
     positions, links = tree
     rng = np.random.default_rng(seed)
     source, view = rng.normal(size=(m + 1, 3)), random_view(seed + 1)
-    ranking = Matcher(abstract_joint_tree(positions, links), positions, settings=ALL).rank(source, view)
+    ranking = Matcher(make_abstract_joint_tree(positions, links), positions, settings=ALL).rank(source, view)
     moved = Matcher(
-        abstract_joint_tree(scale * positions + rng.normal(size=3), links), settings=ALL, positions=positions
+        make_abstract_joint_tree(scale * positions + rng.normal(size=3), links),
+        settings=ALL,
+        positions=positions,
     )
     again = moved.rank(
         other_scale * source + rng.normal(size=3), view, positions=scale * positions + rng.normal(size=3)
@@ -100,7 +102,9 @@ def test_neither_place_nor_size_nor_order_of_children_matters(tree, m, seed, sca
     by_chain = {match.key: match.score for match in ranking}
     other = {
         match.key: match.score
-        for match in Matcher(abstract_joint_tree(renamed, shuffled), renamed, settings=ALL).rank(source, view)
+        for match in Matcher(make_abstract_joint_tree(renamed, shuffled), renamed, settings=ALL).rank(
+            source, view
+        )
     }
     assert len(other) == len(by_chain)
     for key, score in by_chain.items():
@@ -113,7 +117,7 @@ def test_the_order_of_the_sources_branches_only_reorders_the_pairs(tree, m, seed
     positions, links = tree
     rng = np.random.default_rng(seed)
     source, order = rng.normal(size=(m + 1, 3)), rng.permutation(m)
-    matcher = Matcher(abstract_joint_tree(positions, links), positions, settings=ALL)
+    matcher = Matcher(make_abstract_joint_tree(positions, links), positions, settings=ALL)
     ranking = matcher.rank(source, ScreenView())
     other = matcher.rank(np.concatenate([source[:1], source[1:][order]]), ScreenView())
     scores = {match.key: match.score for match in ranking}
@@ -195,14 +199,16 @@ def star(arms, seed=0):
 def test_of_a_sea_urchins_millions_of_choices_the_best_are_the_same():
     positions, links = star(16)
     source = np.random.default_rng(5).normal(size=(6, 3))
-    whole = Matcher(abstract_joint_tree(positions, links), positions).rank(source, ScreenView())
-    few = Matcher(abstract_joint_tree(positions, links), positions, settings=RankingSettings(exhaustive=1))
+    whole = Matcher(make_abstract_joint_tree(positions, links), positions).rank(source, ScreenView())
+    few = Matcher(
+        make_abstract_joint_tree(positions, links), positions, settings=RankingSettings(exhaustive=1)
+    )
     best = few.rank(source, ScreenView())
     assert whole.total == best.total == 4368
     np.testing.assert_allclose(best.scores, whole.scores, atol=1e-12)
     assert [match.key for match in best] == [match.key for match in whole]
     positions, links = star(60)
-    ranking = Matcher(abstract_joint_tree(positions, links), positions).rank(source, ScreenView())
+    ranking = Matcher(make_abstract_joint_tree(positions, links), positions).rank(source, ScreenView())
     assert ranking.total == 5_461_512
     assert len(ranking) == 256
     assert len(np.unique(np.sort(ranking.columns, axis=1), axis=0)) == 256
@@ -215,7 +221,7 @@ def test_a_performer_with_more_limbs_than_the_target_still_gets_matches():
     tree.limb(fork, (-1.0, 0.0))
     tree.limb(fork, (0.0, -1.0))
     source = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0.5, -1, 0], [-0.5, -1, 0], [0, 1, 0]], float)
-    ranking = Matcher(abstract_joint_tree(tree.points, tree.links), np.array(tree.points, float)).rank(
+    ranking = Matcher(make_abstract_joint_tree(tree.points, tree.links), np.array(tree.points, float)).rank(
         source, ScreenView()
     )
     assert len(ranking) == len(list(ranking)) == 10
@@ -235,7 +241,7 @@ def test_of_equal_matches_the_order_stays():
         tree.limb(fork, (x + 1.0, 1.0))
         tree.limb(fork, (x - 1.0, 1.0))
     positions = np.array(tree.points)
-    matcher = Matcher(abstract_joint_tree(positions, tree.links), positions)
+    matcher = Matcher(make_abstract_joint_tree(positions, tree.links), positions)
     orders = set()
     for seed in range(20):
         noise = 1e-13 * np.random.default_rng(seed).normal(size=positions.shape)
@@ -251,7 +257,7 @@ def test_a_bone_that_points_at_the_eye_counts_for_nothing():
     tree.limb(fork, (1.0, 0.0))
     tree.limb(fork, (-1.0, 0.0))
     positions = np.array([*tree.points, (1e-9, 0.0, 1.0)])
-    abstraction = abstract_joint_tree(positions, [*tree.links, (0, 3)])
+    abstraction = make_abstract_joint_tree(positions, [*tree.links, (0, 3)])
     source = np.array([[0, 0, 0], [1, 0, 0]], float)
     scores = {
         match.pairs[0].chain[1]: match.score
@@ -273,7 +279,9 @@ def test_dot_products_let_long_branches_decide():
 
     def best(measure):
         matcher = Matcher(
-            abstract_joint_tree(positions, tree.links), positions, settings=RankingSettings(measure=measure)
+            make_abstract_joint_tree(positions, tree.links),
+            positions,
+            settings=RankingSettings(measure=measure),
         )
         return matcher.rank(source, ScreenView())[0]
 
@@ -285,7 +293,7 @@ def test_dot_products_let_long_branches_decide():
 def test_ranking_uses_projected_directions_in_perspective():
     points = np.array([[1, 0, -4], [1, 0, -3], [2, 0, -4], [1, 1, -4]], float)
     source = np.array([[0, 0, 0], [1, 0, 0]], float)
-    flat = Matcher(abstract_joint_tree(points, [(0, 1), (0, 2), (0, 3)]), points)
+    flat = Matcher(make_abstract_joint_tree(points, [(0, 1), (0, 2), (0, 3)]), points)
     scores = {m.pairs[0].chain[1]: m.score for m in flat.rank(source, ScreenView())}
     assert scores[1] == pytest.approx(0.0, abs=1e-9)
     seen = {

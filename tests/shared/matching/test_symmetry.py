@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.document.skeleton import Skeleton
-from enliven.matching.symmetry import SymmetrySettings, equal_limbs
+from enliven.matching.symmetry import SymmetrySettings, find_equal_limbs
 from enliven.rotation import from_rotation_vector, to_matrix
 
 LIMB = np.array([[0.3, 0.0, 0.0], [0.6, 0.1, 0.2], [0.9, -0.2, 0.5]])
@@ -54,7 +54,7 @@ def squid(arms=8, noise=0.0):
 
 def test_the_arms_of_a_squid_are_one_group():
     skeleton = squid()
-    (group,) = equal_limbs(skeleton)
+    (group,) = find_equal_limbs(skeleton)
     assert (group.kind, group.joint, len(group.limbs)) == ("rotation", 0, 8)
     np.testing.assert_allclose(np.abs(group.axis), [0, 1, 0], atol=1e-9)
     angles = [np.arctan2(limb.linear[0, 2], limb.linear[0, 0]) % (2 * np.pi) for limb in group.limbs]
@@ -67,7 +67,7 @@ def assert_puts_one_on_another(skeleton, group, atol):
     centre = skeleton.positions[group.joint]
     for a in range(len(group.limbs)):
         for b in range(len(group.limbs)):
-            linear = group.between(a, b)
+            linear = group.get_map(a, b)
             np.testing.assert_allclose(linear @ linear.T, np.eye(3), atol=1e-9)
             for start, end in group.joint_map(a, b).items():
                 moved = centre + linear @ (skeleton.positions[start] - centre)
@@ -81,7 +81,7 @@ def test_whatever_the_skeletons_place_and_size(arms, seed):
     before = squid(arms)
     scale, turn = rng.uniform(0.01, 100), to_matrix(from_rotation_vector(rng.normal(size=3)))
     skeleton = Skeleton(before.names, before.parents, scale * before.positions @ turn.T + rng.normal(size=3))
-    groups = equal_limbs(skeleton)
+    groups = find_equal_limbs(skeleton)
     assert [len(group.limbs) for group in groups] == [arms]
     assert_puts_one_on_another(skeleton, groups[0], 1e-6 * scale)
     if arms > 2:
@@ -90,11 +90,11 @@ def test_whatever_the_skeletons_place_and_size(arms, seed):
 
 def test_an_unsteady_hand_is_forgiven_as_far_as_the_settings_say():
     skeleton = squid(noise=0.01)
-    (group,) = equal_limbs(skeleton)
+    (group,) = find_equal_limbs(skeleton)
     assert len(group.limbs) == 8
     assert max(limb.error for limb in group.limbs) < 0.08
     assert_puts_one_on_another(skeleton, group, 0.1)
-    assert not [g for g in equal_limbs(skeleton, SymmetrySettings(tolerance=0.002)) if len(g.limbs) == 8]
+    assert not [g for g in find_equal_limbs(skeleton, SymmetrySettings(tolerance=0.002)) if len(g.limbs) == 8]
 
 
 def person():
@@ -115,7 +115,7 @@ def person():
 
 def test_left_and_right_of_a_person():
     skeleton = person()
-    groups = [group for group in equal_limbs(skeleton) if group.kind == "mirror"]
+    groups = [group for group in find_equal_limbs(skeleton) if group.kind == "mirror"]
     assert [(group.joint, len(group.limbs[0].joints)) for group in groups[:2]] == [(0, 4), (2, 5)]
     for group in groups[:2]:
         np.testing.assert_allclose(group.axis, [1, 0, 0], atol=1e-9)
@@ -128,7 +128,7 @@ def test_the_legs_of_a_table_are_turned_and_mirrored():
     body = SkeletonBuilder()
     for x, z in ((0.5, 0.5), (-0.5, 0.5), (0.5, -0.5), (-0.5, -0.5)):
         body.limb(np.array([[x, 0.0, z], [x, -0.7, z]]))
-    kinds = [(group.kind, len(group.limbs)) for group in equal_limbs(body.skeleton)]
+    kinds = [(group.kind, len(group.limbs)) for group in find_equal_limbs(body.skeleton)]
     assert kinds == [("rotation", 4), ("mirror", 2), ("mirror", 2)]
 
 
@@ -138,7 +138,7 @@ def test_two_arms_longer_than_the_others_are_a_group_of_their_own():
         body.limb(turned(LIMB, 60 * i))
     for degrees in (30, 210):
         body.limb(turned(1.6 * LIMB, degrees))
-    sizes = sorted(len(group.limbs) for group in equal_limbs(body.skeleton))
+    sizes = sorted(len(group.limbs) for group in find_equal_limbs(body.skeleton))
     assert sizes == [2, 6]
 
 
@@ -147,19 +147,19 @@ def test_six_limbs_of_which_one_is_bent_the_other_way():
     for i in range(5):
         body.limb(turned(LIMB, 60 * i))
     body.limb(turned(LIMB * [1, -1, -1], 300))
-    assert max(len(group.limbs) for group in equal_limbs(body.skeleton)) == 5
+    assert max(len(group.limbs) for group in find_equal_limbs(body.skeleton)) == 5
 
 
 def test_a_skeleton_without_equal_limbs_has_none():
     body = SkeletonBuilder()
     body.limb(LIMB)
     body.limb(2 * LIMB)
-    assert equal_limbs(body.skeleton) == ()
-    assert equal_limbs(Skeleton(("one",), np.array([-1]), np.zeros((1, 3)))) == ()
+    assert find_equal_limbs(body.skeleton) == ()
+    assert find_equal_limbs(Skeleton(("one",), np.array([-1]), np.zeros((1, 3)))) == ()
 
 
 def test_limbs_in_one_place_are_no_pair():
     body = SkeletonBuilder()
     body.limb(LIMB)
     body.limb(LIMB)
-    assert [g for g in equal_limbs(body.skeleton) if g.kind == "mirror"] == []
+    assert [g for g in find_equal_limbs(body.skeleton) if g.kind == "mirror"] == []

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.errors import InputError
-from enliven.matching.views import ScreenView, best_view, is_end_on, projected_length
+from enliven.matching.views import ScreenView, compute_projected_length, find_best_view, is_end_on
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -61,20 +61,23 @@ def test_suggested_view_shows_most_bone_length(seed, count):
     rng = np.random.default_rng(seed)
     vectors = rng.normal(size=(count, 3)) * rng.uniform(0.1, 2.0, (count, 1))
     view = ScreenView(rng.normal(size=3), rng.normal(size=3))
-    best = best_view(vectors, view)
+    best = find_best_view(vectors, view)
     tried = rng.normal(size=(2000, 3))
     tried /= np.linalg.norm(tried, axis=1, keepdims=True)
-    most = max(projected_length(vectors, direction) for direction in tried)
+    most = max(compute_projected_length(vectors, direction) for direction in tried)
     # The sum has several summits; the best of four climbs is never far below the highest.
-    assert projected_length(vectors, best.direction) >= 0.97 * most
-    assert projected_length(vectors, best.direction) >= projected_length(vectors, view.direction) - 1e-9
+    assert compute_projected_length(vectors, best.direction) >= 0.97 * most
+    assert (
+        compute_projected_length(vectors, best.direction)
+        >= compute_projected_length(vectors, view.direction) - 1e-9
+    )
     assert best.direction @ view.direction >= -1e-9, "a view from behind shows as much"
 
 
 def test_a_flat_skeleton_is_seen_from_the_front():
     rng = np.random.default_rng(1)
     vectors = np.concatenate([rng.normal(size=(9, 2)), np.zeros((9, 1))], axis=1)
-    best = best_view(vectors, ScreenView(np.array([1.0, 0.0, -0.2])))
+    best = find_best_view(vectors, ScreenView(np.array([1.0, 0.0, -0.2])))
     np.testing.assert_allclose(best.direction, [0.0, 0.0, -1.0], atol=1e-6)
     np.testing.assert_allclose(best.up, [0.0, 1.0, 0.0], atol=1e-6)
     assert not is_end_on(vectors, best).any()
@@ -85,18 +88,21 @@ def test_a_flat_skeleton_is_seen_from_the_front():
 def test_suggested_view_stays_near_current_view_on_request(seed, most_turn):
     rng = np.random.default_rng(seed)
     vectors, view = rng.normal(size=(5, 3)), ScreenView(rng.normal(size=3), rng.normal(size=3))
-    best = best_view(vectors, view, most_turn)
+    best = find_best_view(vectors, view, most_turn)
     assert np.arccos(np.clip(best.direction @ view.direction, -1.0, 1.0)) <= most_turn + 1e-6
-    assert projected_length(vectors, best.direction) >= projected_length(vectors, view.direction) - 1e-9
+    assert (
+        compute_projected_length(vectors, best.direction)
+        >= compute_projected_length(vectors, view.direction) - 1e-9
+    )
 
 
 def test_a_view_from_above_keeps_an_up():
     vectors = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    best = best_view(vectors, ScreenView(np.array([0.0, -0.1, -1.0])))
+    best = find_best_view(vectors, ScreenView(np.array([0.0, -0.1, -1.0])))
     np.testing.assert_allclose(np.abs(best.direction), [0.0, 1.0, 0.0], atol=1e-6)
     assert abs(best.up @ best.direction) < 1e-9
 
 
 def test_without_bones_the_view_stays():
     view = ScreenView()
-    assert best_view(np.zeros((3, 3)), view) is view
+    assert find_best_view(np.zeros((3, 3)), view) is view

@@ -102,7 +102,7 @@ def test_texture_coordinates_follow_turned_corners():
     uvs = np.random.default_rng(0).random((12, 3, 1, 2)).astype(np.float32)
     materials = MeshMaterials(("{}",), (), np.zeros(12, np.int32), uvs)
     flips = np.arange(12) % 3 == 0
-    wrong = Mesh(vertices, faces, materials=materials).turned(flips)
+    wrong = Mesh(vertices, faces, materials=materials).flip_faces(flips)
     mesh, _ = repair_winding(wrong)
     np.testing.assert_array_equal(mesh.faces, faces)
     np.testing.assert_array_equal(mesh.materials.uvs, uvs)

@@ -15,7 +15,7 @@ from enliven.document.history import History
 from enliven.document.naming import unused
 from enliven.document.project import Project, are_identical
 from enliven.errors import InputError
-from enliven.examples.puppet_motion import to_world_frame
+from enliven.examples.puppet_motion import convert_to_world_frame
 from enliven.exporters import sample_performance
 from enliven.formats.project.file import parse_project, project_bytes
 from enliven.formats.project.one_character import character_bytes, project_of_mesh
@@ -201,7 +201,7 @@ def test_at_the_time_of_a_cut_nothing_moves_and_of_a_merge_neither(rig, along, t
 
 def off_surface(found, seen, plane):
     """Returns metres between vertices away from a cut and the nearest vertex before the cut."""
-    away = np.abs(plane.field(found)) > 0.12 * float(np.linalg.norm(np.ptp(seen, axis=0)))
+    away = np.abs(plane.compute_distances(found)) > 0.12 * float(np.linalg.norm(np.ptp(seen, axis=0)))
     if not away.any():
         return 0.0
     return float(np.linalg.norm(found[away][:, None] - seen[None], axis=2).min(1).max())
@@ -268,9 +268,9 @@ def test_a_handle_that_is_dragged_is_there_at_that_time(rig, seed, time):
     if kind(rig) == "points":
         # The moment is a key pose of the nearest frame of the take; it is met as closely as examples are.
         layer = character.layers[0]
-        second = layer.played(time, project.takes[layer.take].duration)[0]
+        second = layer.find_played_time(time, project.takes[layer.take].duration)[0]
         pose = edited.poses[key_pose_at(dragged, edited, layer.take, second)]
-        place_now = to_world_frame(
+        place_now = convert_to_world_frame(
             character, evaluate_puppet_state(project, character, time), pose.places[number]
         )
         near(root_motion(project, character, time)(place_now[None])[0], place)
@@ -322,7 +322,7 @@ def test_every_rig_is_stored_and_sampled(rig):
 def test_the_pose_for_viewers_and_the_name(rig):
     project, name = WORLDS[rig]
     pose = pose_of_character(project, name, 0.5)
-    drawn = get_rig_edits(project.characters[name]).drawn(project.characters[name])
+    drawn = get_rig_edits(project.characters[name]).make_drawing(project.characters[name])
     assert pose.character == drawn.id == name and len(pose.positions) == len(drawn.pivots)
     renamed = rename_character(project, name, "other")
     assert list(renamed.characters) == ["other"] and renamed.character("other").id == "other"

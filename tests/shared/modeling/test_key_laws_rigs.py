@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rig_worlds import WORLDS
 from test_character_laws import near
 
-from enliven.document import EASES, KEY_STEP, MotionKey, are_identical, keyed_stream
+from enliven.document import EASES, KEY_STEP, MotionKey, are_identical, make_keyed_stream
 from enliven.errors import InputError
 from enliven.exporters import sample_performance
 from enliven.formats.project.file import parse_project, project_bytes
@@ -144,7 +144,7 @@ def test_nodes_go_with_keys_as_one_by_one(count, seed, degrees, way):
     rest, follow = random.normal(size=(count, 3)), random.uniform(0, 0.9, size=(count, 4))
     follow[0] = (1, 0, 0, 0)
     keys = [MotionKey(0.0), MotionKey(0.1, degrees, "linear", way)]
-    stream = keyed_stream("keys", rest, follow, keys)
+    stream = make_keyed_stream("keys", rest, follow, keys)
     for frame, share in enumerate((0.0, 1 / 3, 2 / 3, 1.0)):
         # Smooth from the first key: an S of three quarters.
         share = share * share * (3 - 2 * share)

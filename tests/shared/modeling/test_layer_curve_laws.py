@@ -98,15 +98,15 @@ def test_a_speed_of_one_key_is_the_number(rig, speed, at, time):
 def test_time_rises_as_the_sum_of_its_speeds_and_is_found_again(keys, moments, offset):
     layer = GraphPart("take", np.arange(1), offset=offset, speeds=keys)
     moments = sorted(moments)
-    even = [layer.to_unwarped_time(time) for time in moments]
+    even = [layer.convert_to_unwarped_time(time) for time in moments]
     assert (np.diff(even) >= MIN_SPEED * np.diff(moments) - 1e-9).all()
     for time, at in zip(moments, even, strict=True):
-        assert layer.to_warped_time(at) == pytest.approx(time, abs=1e-6)
+        assert layer.convert_to_warped_time(at) == pytest.approx(time, abs=1e-6)
         fine = np.linspace(0, time - offset, 4001)
         rows = curve_from_keys(keys)((fine[1:] + fine[:-1]) / 2)  # the slow twin: a sum of thin slices
         # A step within a slice is off by that slice at most.
         assert at - offset == pytest.approx(rows.mean() * (time - offset), abs=4 * 6 * 4.0 / 4000)
-    assert layer.to_unwarped_time(offset) == pytest.approx(offset)
+    assert layer.convert_to_unwarped_time(offset) == pytest.approx(offset)
 
 
 @settings(deadline=None, max_examples=25)

@@ -12,13 +12,13 @@ from enliven.meshes.mesh import Mesh
 from enliven.modeling.skinning.heat_diffusion import (
     bone_heat,
     bone_segments,
+    compute_outward_normals,
     cotangent_laplacian,
     heat_weights,
-    outward_normals,
 )
-from enliven.modeling.skinning.skin_values import dense_weights, keep_largest_weights
+from enliven.modeling.skinning.skin_values import keep_largest_weights, make_dense_weights
 from enliven.modeling.skinning.skins import renumber_bones
-from enliven.modeling.skinning.visibility import nearest_seen
+from enliven.modeling.skinning.visibility import find_nearest_seen
 
 
 def both(one, other):
@@ -61,14 +61,14 @@ def test_a_symmetric_shape_has_symmetric_weights():
     )
     # The tube's triangles are not mirror-symmetric, but they are symmetric under a half turn about x.
     turned = Mesh(mesh.vertices * [1, -1, -1] + [0, 0, 2], mesh.faces)
-    weights = dense_weights(bone_heat(mesh, skeleton), 5)
-    other = dense_weights(bone_heat(turned, skeleton), 5)[:, [0, 3, 4, 1, 2]]
+    weights = make_dense_weights(bone_heat(mesh, skeleton), 5)
+    other = make_dense_weights(bone_heat(turned, skeleton), 5)[:, [0, 3, 4, 1, 2]]
     np.testing.assert_allclose(weights, other, atol=1e-5)
 
 
 def test_a_vertex_on_the_middle_of_a_bone_belongs_to_it():
     mesh, skeleton = tube(0.1, 2.0, 16, 0.05), line([[0, 0, 0], [0, 0, 1.0], [0, 0, 2.0]])
-    weights = dense_weights(bone_heat(mesh, skeleton), 3)
+    weights = make_dense_weights(bone_heat(mesh, skeleton), 3)
     for bone, z in ((1, 0.5), (2, 1.5)):
         ring = np.abs(mesh.vertices[:, 2] - z) < 1e-9
         assert ring.sum() == 16 and weights[ring, bone].min() > 0.95
@@ -89,7 +89,7 @@ def test_a_bone_behind_another_limb_gives_no_heat():
         np.array([-1, 0, 0, 2]),
         np.array([[0.08, 0, 0.0], [0.08, 0, 1.0], [0.32, 0, 0.0], [0.32, 0, 1.0]]),
     )
-    weights = dense_weights(bone_heat(mesh, skeleton), 4)
+    weights = make_dense_weights(bone_heat(mesh, skeleton), 4)
     middle = np.abs(mesh.vertices[:, 2] - 0.5) < 0.2
     on_right = mesh.vertices[:, 0] > 0.125
     assert weights[middle & on_right, 1].max() < 0.01 and weights[middle & on_right, 3].min() > 0.8
@@ -100,16 +100,16 @@ def test_a_part_that_sees_no_bone_follows_the_nearest():
     shell = ball(0.3, detail=3)
     inner = Mesh(ball(0.1, detail=2).vertices, ball(detail=2).faces[:, ::-1])
     skeleton = line([[0.5, 0, 0], [0.9, 0, 0], [1.4, 0, 0]])
-    weights = dense_weights(bone_heat(both(shell, inner), skeleton), 3)
+    weights = make_dense_weights(bone_heat(both(shell, inner), skeleton), 3)
     assert weights[len(shell.vertices) :, 1].min() > 0.9
 
 
 def test_sight_agrees_with_trying_every_face():
     rng = np.random.default_rng(5)
     mesh = both(ball(0.3, detail=2), ball(0.2, (0.45, 0, 0), detail=2))
-    normals = outward_normals(mesh)
+    normals = compute_outward_normals(mesh)
     segments = rng.uniform(-0.4, 0.7, (7, 2, 3))
-    chosen, distance = nearest_seen(mesh.vertices, normals, mesh.faces, segments, 1e-9)
+    chosen, distance = find_nearest_seen(mesh.vertices, normals, mesh.faces, segments, 1e-9)
     vectors = segments[:, 1] - segments[:, 0]
     for v in rng.integers(0, len(mesh.vertices), 60):
         p = mesh.vertices[v]
@@ -126,8 +126,8 @@ def test_sight_agrees_with_trying_every_face():
 def test_normals_look_outward_also_of_a_mesh_that_is_inside_out():
     mesh = ball()
     turned = Mesh(mesh.vertices, mesh.faces[:, ::-1])
-    np.testing.assert_allclose(outward_normals(mesh), outward_normals(turned), atol=1e-12)
-    assert ((outward_normals(mesh) * mesh.vertices).sum(1) > 0).all()
+    np.testing.assert_allclose(compute_outward_normals(mesh), compute_outward_normals(turned), atol=1e-12)
+    assert ((compute_outward_normals(mesh) * mesh.vertices).sum(1) > 0).all()
 
 
 def hidden(mesh, v, target):
@@ -177,12 +177,12 @@ def test_four_of_many_and_back(seed, bones):
     for smooth in (False, True):
         skin = keep_largest_weights(whole, smooth)
         assert partition_of_unity(skin)
-        back = dense_weights(skin, bones)
+        back = make_dense_weights(skin, bones)
         assert ((back > 0).sum(1) <= 4).all()
         if bones <= 4:
             np.testing.assert_allclose(back, whole, atol=1e-6)
     halves = np.arange(bones) // 2
-    merged = dense_weights(renumber_bones(skin, halves), bones)
+    merged = make_dense_weights(renumber_bones(skin, halves), bones)
     np.testing.assert_allclose(
         merged, np.stack([back[:, halves == k].sum(1) for k in range(bones)], 1), atol=1e-6
     )

@@ -15,11 +15,11 @@ from enliven.formats.project.file import parse_project, project_bytes
 from enliven.modeling.edits.characters import paste_character
 from enliven.modeling.edits.merging import merge_characters
 from enliven.modeling.edits.take_comping import (
-    alternative_takes,
     choose_take,
     drop_take,
     find_alternatives,
     keep_take,
+    list_alternative_takes,
 )
 from enliven.modeling.possessed.pose import graph_pose
 from enliven.motion.layers.evaluate import evaluate_pose
@@ -47,7 +47,7 @@ def turn(project: Project, second: float = 0.25) -> np.ndarray:
 
 def test_last_alternative_plays_and_each_plays_alone() -> None:
     project = three()
-    assert alternative_takes(project, "take 1") == {"take 1": False, "take 2": False, "take 3": True}
+    assert list_alternative_takes(project, "take 1") == {"take 1": False, "take 2": False, "take 3": True}
     assert (
         find_alternatives(project, "take 2") == "take 1" and find_alternatives(project, "take 0") == "take 0"
     )
@@ -66,16 +66,16 @@ def test_last_alternative_plays_and_each_plays_alone() -> None:
 def test_dropping_removes_one_alternative_completely(order) -> None:
     project = three()
     for left, number in zip((2, 1, 0), order, strict=True):
-        was = alternative_takes(project, "take 1")
+        was = list_alternative_takes(project, "take 1")
         project = drop_take(project, "take 1", f"take {number}")
-        beside = alternative_takes(project, "take 1")
+        beside = list_alternative_takes(project, "take 1")
         assert len(beside) == left and f"take {number} on arm" not in project.takes
         assert sum(beside.values()) == min(left, 1), "one of them is heard"
         still = [name for name in beside if was[name]]
         assert all(beside[name] for name in still), "what was heard goes on"
     assert "take 0 on arm" in project.takes
     kept = keep_take(three(), "take 1", "take 2")
-    assert alternative_takes(kept, "take 1") == {"take 2": True}
+    assert list_alternative_takes(kept, "take 1") == {"take 2": True}
 
 
 def test_they_are_kept_in_files_and_go_along_with_copies() -> None:
@@ -103,7 +103,9 @@ def test_the_first_recording_of_a_possessed_mesh_is_dropped_too() -> None:
     dropped = drop_take(project, "take 1", "take 1")
     still = dropped.graph(name)
     assert (
-        alternative_takes(dropped, "take 1") == {} and part.take not in dropped.streams and not dropped.bodies
+        list_alternative_takes(dropped, "take 1") == {}
+        and part.take not in dropped.streams
+        and not dropped.bodies
     )
     poses = [graph_pose(dropped, still, second)[1] for second in (0.0, 0.4)]
     np.testing.assert_array_equal(poses[0], poses[1])
@@ -114,4 +116,4 @@ def test_a_merge_keeps_which_takes_they_are() -> None:
     project = three(2)
     both, other = paste_character(project, project, "arm")
     merged = merge_characters(both, "arm", other, 0.1, loose=True)
-    assert alternative_takes(merged, "take 1") == {"take 1": False, "take 2": True}
+    assert list_alternative_takes(merged, "take 1") == {"take 1": False, "take 2": True}

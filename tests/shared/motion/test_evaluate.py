@@ -243,7 +243,9 @@ def test_travel_goes_as_far_as_the_legs_are_long():
     turned = Player(half, "small").sample(times)[1][:, 0] - small.skeleton.positions[0]
     np.testing.assert_allclose(turned, 0.5 * rotate([0.5, 0.5, 0.5, 0.5], way * [-1, 1, 1]), atol=1e-12)
     for still in (set_travel(project, "small", None), set_layer(project, "small", "take", muted=True)):
-        assert are_alike(Player(still, "small").root(times), np.tile(small.skeleton.positions[0], (9, 1)))
+        assert are_alike(
+            Player(still, "small").compute_root(times), np.tile(small.skeleton.positions[0], (9, 1))
+        )
 
 
 def test_without_legs_the_whole_extent_is_the_size():
@@ -265,7 +267,7 @@ def test_without_legs_the_whole_extent_is_the_size():
 def test_the_pose_moves_vertices_as_the_bones_go():
     rng = np.random.default_rng(5)
     project, shape = any_project(rng)
-    at, pose = evaluate_pose(project, "shape", 0.1), Player(project, "shape").pose(0.1)
+    at, pose = evaluate_pose(project, "shape", 0.1), Player(project, "shape").compute_message_pose(0.1)
     skeleton = shape.skeleton
     assert pose.character == "shape" and pose.time_ns == 100_000_000
     np.testing.assert_allclose(pose.linear, to_matrix(at.turns), atol=1e-6)
@@ -286,8 +288,10 @@ def test_a_live_moment_is_played_as_the_same_frame_of_a_take(seed):
     player, kept = Player(project, "shape"), Player(project, "shape")
     for frame in (3, 7):
         player.feed("take", clip.turns[frame], clip.root[frame])
-        assert angle(player.at(99.0).turns, kept.at(frame * clip.step).turns) < 1e-9
-        np.testing.assert_allclose(player.at(0.0).joints, kept.at(frame * clip.step).joints, atol=1e-9)
+        assert angle(player.compute_pose(99.0).turns, kept.compute_pose(frame * clip.step).turns) < 1e-9
+        np.testing.assert_allclose(
+            player.compute_pose(0.0).joints, kept.compute_pose(frame * clip.step).joints, atol=1e-9
+        )
     with pytest.raises(InputError, match="does not match rotations"):
         player.feed("take", clip.turns[0][:3], clip.root[0])
     with pytest.raises(InputError, match="does not match rotations"):
@@ -309,8 +313,10 @@ def test_looped_take_continues_from_its_end(speed):
     way = rotate(layer.basis, (clip.root[-1] - clip.root[0]) * [1, 0, 1]) * np.sign(speed)
     times, period = np.array([0.011, 0.1]), clip.duration / abs(speed)
     for rounds in (-2, 1, 5):
-        later = player.root(times + rounds * period)
-        np.testing.assert_allclose(later, player.root(times) + rounds * way, atol=1e-9)
+        later = player.compute_root(times + rounds * period)
+        np.testing.assert_allclose(later, player.compute_root(times) + rounds * way, atol=1e-9)
     # The floor position has no jump where the loop restarts.
-    seam = rotate(conjugate(layer.basis), np.diff(player.root(period + np.array([-1e-9, 1e-9])), axis=0)[0])
+    seam = rotate(
+        conjugate(layer.basis), np.diff(player.compute_root(period + np.array([-1e-9, 1e-9])), axis=0)[0]
+    )
     assert np.abs(seam[[0, 2]]).max() < 1e-6

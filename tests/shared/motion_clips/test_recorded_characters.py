@@ -81,7 +81,9 @@ def test_take_becomes_shapes_that_play_it(tmp_path):
     later = graph_pose(pasted, pasted.graph(copy), 1.9)
     for value, then in zip(later, graph_pose(project, project.graph("lamp"), 1.4), strict=True):
         np.testing.assert_allclose(value, then, atol=1e-9)
-    other, _ = paste_character(read_possessed(tmp_path / "take.mcap").without("chair"), project, "chair")
+    other, _ = paste_character(
+        read_possessed(tmp_path / "take.mcap").drop_character("chair"), project, "chair"
+    )
     assert list(other.streams) == list(project.streams)
 
 

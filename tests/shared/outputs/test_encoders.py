@@ -101,7 +101,7 @@ def test_vmc_sends_the_numbers_of_its_twin(seed, source):
         sent = {key[1]: numbers for key, numbers in values.items() if key[0] == address}
         assert sent.keys() == expected[kind].keys()
         assert all(same_placement(sent[name], row, 1e-4) for name, row in expected[kind].items())
-    there = frame.human(source) is not None
+    there = frame.find_human(source) is not None
     assert values["/VMC/Ext/OK"] == [there, 3 * there, 0, there]
 
 
@@ -122,11 +122,11 @@ def test_vrchat_sends_the_numbers_of_its_twin(seed):
     assert bool(packets) == bool(frame.performers)
     if packets:
         number = min(frame.performers)
-        body, human, values = frame.performers[number], frame.human_performer(number), messages(packets)
+        body, human, values = frame.performers[number], frame.find_human_performer(number), messages(packets)
         for name, bone, joint in TRACKERS:
             place, angles = (values[f"/tracking/trackers/{name}/{kind}"] for kind in ("position", "rotation"))
             assert np.allclose(place, unity_position(body.joints[joint]), atol=1e-5)
-            expected = unity_euler(human.at(bone)[1])
+            expected = unity_euler(human.get_bone(bone)[1])
             assert np.allclose((np.array(angles) - expected + 180.0) % 360.0, 180.0, atol=0.01)
 
 
@@ -254,7 +254,7 @@ def test_a_pose_of_another_version_of_its_character_is_left_out():
     frame = four_characters()
     short = replace(frame.poses[0], linear=frame.poses[0].linear[:3], positions=frame.poses[0].positions[:3])
     frame = replace(frame, poses=[short, *frame.poses[1:]])
-    assert "anna" not in frame.rows.names and frame.human_character("anna") is None
+    assert "anna" not in frame.rows.names and frame.find_human_character("anna") is None
     assert ("/VMC/Ext/Tra/Pos", "anna") not in messages(VmcOutput("ben").encode_packets(frame))
 
 

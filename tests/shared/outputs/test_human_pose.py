@@ -34,7 +34,7 @@ def test_bones_of_a_performer_point_along_its_limbs():
             ("UpperLeg", "HIP", "KNEE"),
             ("LowerLeg", "KNEE", "ANKLE"),
         ):
-            place, turn = human.at(f"{side.title()}{bone}")
+            place, turn = human.get_bone(f"{side.title()}{bone}")
             begin, end = body.joints[Joint[f"{begins}_{side}"]], body.joints[Joint[f"{ends}_{side}"]]
             assert np.allclose(place, begin)
             assert np.allclose(rotate(turn, t_direction(side.title(), bone)), unit(end - begin), atol=1e-6)
@@ -45,7 +45,7 @@ def test_palms_face_down_in_the_t_pose():
     human = human_of_body(body, "performer-1")
     # The palm of a hanging left hand faces the thigh, the bone's -X. With the arm held out, it faces down.
     inwards = rotate(body.orientations[Joint.WRIST_LEFT], [-1.0, 0.0, 0.0])
-    assert np.allclose(rotate(human.at("LeftLowerArm")[1], [0.0, -1.0, 0.0]), inwards, atol=1e-9)
+    assert np.allclose(rotate(human.get_bone("LeftLowerArm")[1], [0.0, -1.0, 0.0]), inwards, atol=1e-9)
 
 
 def test_local_rotations_and_positions_compose_to_the_world():
@@ -78,10 +78,10 @@ def test_orientations_from_joints_agree_with_measured_ones():
 def test_a_rig_at_rest_with_a_t_pose_has_no_rotations(convention):
     skeleton = person(convention)
     mapped = humanoid_map(skeleton)
-    human = mapped.pose(create_pose("x", skeleton, np.tile(IDENTITY, (len(skeleton), 1)))[0])
+    human = mapped.convert_pose(create_pose("x", skeleton, np.tile(IDENTITY, (len(skeleton), 1)))[0])
     assert {"Hips", "Spine", "Head", "LeftUpperArm", "RightHand", "LeftFoot"} <= set(human.bones)
     for bone in ("Hips", "Spine", "Head", "LeftFoot", "RightFoot"):
-        assert np.allclose(np.abs(human.at(bone)[1]), IDENTITY), bone
+        assert np.allclose(np.abs(human.get_bone(bone)[1]), IDENTITY), bone
     angle = 2 * np.arccos(np.clip(np.abs(human.turns[:, 0]), 0, 1))
     assert np.degrees(angle).max() < 10, "made people have slightly bent limbs"
 
@@ -94,13 +94,13 @@ def test_bones_of_a_rig_point_along_its_limbs(seed, convention, away):
         skeleton = facing_away(skeleton)
     mapped = humanoid_map(skeleton)
     pose, joints = create_pose("x", skeleton, some_turns(len(skeleton), seed), random.uniform(-2, 2, 3))
-    human = mapped.pose(pose)
+    human = mapped.convert_pose(pose)
     for side in ("Left", "Right"):
         for bone, begins, ends in LIMBS:
             begin, end = (
                 joints[skeleton.index(convention_name(convention, f"{side} {j}"))] for j in (begins, ends)
             )
-            place, turn = human.at(f"{side}{bone}")
+            place, turn = human.get_bone(f"{side}{bone}")
             assert np.allclose(place, begin, atol=1e-5)
             assert np.allclose(rotate(turn, t_direction(side, bone)), unit(end - begin), atol=1e-4)
 
@@ -112,10 +112,10 @@ def test_the_front_of_the_rest_pose_does_not_matter(away):
     quarter = from_rotation_vector([0.0, -np.pi / 2 if away else np.pi / 2, 0.0])
     turns = np.tile(IDENTITY, (len(skeleton), 1))
     turns[0] = quarter
-    human = humanoid_map(skeleton).pose(create_pose("x", skeleton, turns)[0])
-    assert np.allclose(rotate(human.at("Hips")[1], [0.0, 0.0, 1.0]), [1.0, 0.0, 0.0], atol=1e-6)
+    human = humanoid_map(skeleton).convert_pose(create_pose("x", skeleton, turns)[0])
+    assert np.allclose(rotate(human.get_bone("Hips")[1], [0.0, 0.0, 1.0]), [1.0, 0.0, 0.0], atol=1e-6)
     # Facing +X, the left is at -Z.
-    assert human.at("LeftUpperArm")[0][2] < -0.1 < 0.1 < human.at("RightUpperArm")[0][2]
+    assert human.get_bone("LeftUpperArm")[0][2] < -0.1 < 0.1 < human.get_bone("RightUpperArm")[0][2]
 
 
 def test_an_animal_is_not_a_humanoid():

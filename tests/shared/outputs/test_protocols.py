@@ -118,9 +118,9 @@ def test_vmc_sends_the_character_that_the_address_names(sent, name):
     frame = four_characters()
     receiver = sent("vmc", frame, source=f"/{name}", last="/VMC/Ext/OK")
     wait_until(lambda: len(bones_of(receiver)) >= 20, "the bones")
-    avatar, human = Avatar(bones_of(receiver)), frame.human_character(name)
+    avatar, human = Avatar(bones_of(receiver)), frame.find_human_character(name)
     for bone in ("LeftUpperArm", "RightLowerLeg"):
-        place, way = human.at(bone)
+        place, way = human.get_bone(bone)
         assert np.allclose(avatar.position(bone), MIRROR * place, atol=1e-4)
         straight = [1.0, 0, 0] if "Arm" in bone else [0, -1.0, 0]
         assert np.allclose(avatar.direction(bone), MIRROR * rotate(way, straight), atol=1e-4)
@@ -170,7 +170,7 @@ def test_vrchat_trackers_are_at_the_joints_scaled_to_the_user(sent, height):
     for tracker, bone in (("1", "Hips"), ("5", "LeftUpperLeg"), ("7", "LeftUpperArm"), ("head", "Head")):
         degrees = receiver.values[f"/tracking/trackers/{tracker}/rotation"]
         for axis in np.eye(3):
-            expected = MIRROR * rotate(human.at(bone)[1], axis)
+            expected = MIRROR * rotate(human.get_bone(bone)[1], axis)
             assert np.allclose(euler_turn(degrees, MIRROR * axis), expected, atol=1e-4), bone
     # The performer turns 0.6 rad to the left, which is a negative yaw in Unity.
     assert receiver.values["/tracking/trackers/1/rotation"][1] == pytest.approx(-np.degrees(0.6), abs=0.01)

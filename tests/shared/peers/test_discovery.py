@@ -20,7 +20,7 @@ from enliven.commands.doctor import check_announced_edges
 from enliven.errors import InputError
 from enliven.keys.key_files import KeyStore, PairedEdge
 from enliven.peers.announcement import SERVICE_TYPE, Announcement, pack_announcement, parse_announcement
-from enliven.peers.announcer import Announcer, own_addresses
+from enliven.peers.announcer import Announcer, list_own_addresses
 from enliven.peers.edge_browser import DiscoveredEdge, EdgeBrowser, check_edge, is_on_local_network
 from enliven.wire import VERSION, free_ports
 
@@ -206,9 +206,9 @@ def test_failed_registration_is_only_logged(caplog: pytest.LogCaptureFixture) ->
 
 def test_loopback_is_not_among_the_announced_addresses() -> None:
     for host in ("0.0.0.0", "::", "*"):
-        assert not any(address.startswith("127.") or address == "::1" for address in own_addresses(host))
-    assert all(":" not in address for address in own_addresses("0.0.0.0"))
-    assert own_addresses("127.0.0.1") == ["127.0.0.1"]
+        assert not any(address.startswith("127.") or address == "::1" for address in list_own_addresses(host))
+    assert all(":" not in address for address in list_own_addresses("0.0.0.0"))
+    assert list_own_addresses("127.0.0.1") == ["127.0.0.1"]
 
 
 @SLOW

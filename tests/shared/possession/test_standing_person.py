@@ -14,7 +14,7 @@ from enliven.possession.likeness.standing_person import (
     _ProximityGrid,
     fit_figures,
     fit_standing_person,
-    standing_figure,
+    make_standing_figure,
 )
 from enliven.possession.placement import rotation_about_y
 
@@ -74,7 +74,7 @@ def test_the_chair_is_brought_back_to_where_it_was_made(chair, quarter, x, z, sc
 
 
 def test_performer_in_horse_has_matching_legs_and_heading(horse) -> None:
-    yaw, offset, _ = fit_figures(horse, [standing_figure()])
+    yaw, offset, _ = fit_figures(horse, [make_standing_figure()])
     np.testing.assert_allclose(rotation_about_y(yaw) @ FRONT, [1.0, 0.0, 0.0], atol=1e-6)
     assert abs(offset[2]) < 0.06
     assert min(abs(offset[0] - x) for x in (-0.64, 0.51)) < 0.12
@@ -82,7 +82,7 @@ def test_performer_in_horse_has_matching_legs_and_heading(horse) -> None:
 
 def test_two_who_stand_apart_share_a_horse(horse) -> None:
     """Two people stand one behind the other at the distance of the legs. Each matches one pair of legs."""
-    ahead, behind = standing_figure(), standing_figure()
+    ahead, behind = make_standing_figure(), make_standing_figure()
     ahead[:, 2] += 0.57
     behind[:, 2] -= 0.58
     yaw, offset, _ = fit_figures(horse, [ahead, behind])
@@ -126,7 +126,7 @@ def test_flat_and_wide_meshes_have_a_place_too() -> None:
 
 
 def test_the_standing_figure_is_a_person(chair) -> None:
-    joints = standing_figure(1.6)
+    joints = make_standing_figure(1.6)
     across = joints[Joint.HIP_LEFT] - joints[Joint.HIP_RIGHT]
     assert across[0] > 0.1
     assert joints[:, 1].min() > 0

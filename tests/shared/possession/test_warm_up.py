@@ -14,13 +14,13 @@ from enliven.deformation.constraints.observed import ObservedPoints
 from enliven.deformation.graph.graph import DeformationGraph, character_from_graph
 from enliven.person import Body, J
 from enliven.possession import ActorSettings, EmbeddedActor
-from enliven.possession.likeness.standing_person import standing_figure
+from enliven.possession.likeness.standing_person import make_standing_figure
 
 def kernels():
     return {d: len(d.signatures) for d in gc.get_objects() if isinstance(d, Dispatcher)}
 
 def person(number, time):
-    joints = standing_figure() + [0.6 * number + 0.2 * np.sin(3 * time), 0.0, 0.0]
+    joints = make_standing_figure() + [0.6 * number + 0.2 * np.sin(3 * time), 0.0, 0.0]
     joints[:, 2] += 0.3 * np.sin(5 * time + 4 * joints[:, 1])
     return Body(number, joints, np.ones(J))
 

@@ -52,7 +52,7 @@ def test_arms_follow_the_performers_arms() -> None:
     project = cactus_project(0.05)
     puppet = project.puppet("cactus")
     examples = examples_from_key_poses(project, puppet)
-    hand = examples.point("left hand")
+    hand = examples.find_point("left hand")
     heights = examples.sources[:, hand, 1], examples.targets[:, hand, 1]
     assert np.corrcoef(*heights)[0, 1] > 0.8
     feet = [puppet.index(name) for name in ("left foot", "right foot")]

@@ -16,7 +16,7 @@ from enliven.scanning.depth_view import restrict_view
 from enliven.scanning.objects.moved_scanner import MovedScanner
 from enliven.scanning.objects.nearness import surface_distances
 from enliven.scanning.objects.object_model import ObjectModel
-from enliven.scanning.objects.vacated import vacated_fraction
+from enliven.scanning.objects.vacated import compute_vacated_fraction
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenes import fused_sphere, looking, plane_depth, prepared, sphere_depth
@@ -66,7 +66,7 @@ def test_vacated_space_matches_slow_reference(angle, aside):
     wall = plane_depth(-pose[:3, 2], -0.7, pose)
     view, points = prepared(np.minimum(image, wall)), on_sphere()
     # A point on a pixel's border may be rounded into either.
-    assert vacated_fraction(points, view, pose, CLEAR) == pytest.approx(
+    assert compute_vacated_fraction(points, view, pose, CLEAR) == pytest.approx(
         slow_share(points, view, pose, CLEAR), abs=0.01
     )
 
@@ -78,12 +78,12 @@ def test_only_visible_removed_objects_count_as_vacated(angle):
     there = prepared(sphere_depth((0, 0, 0), RADIUS, pose))
     behind = prepared(plane_depth(-pose[:3, 2], -0.7, pose))
     before = prepared(plane_depth(-pose[:3, 2], 0.5, pose))
-    assert vacated_fraction(points, there, pose, CLEAR) < 0.02
-    assert vacated_fraction(points, behind, pose, CLEAR) == 1.0
-    assert vacated_fraction(points, before, pose, CLEAR) == 0.0
-    assert vacated_fraction(points[:10], behind, pose, CLEAR) == 0.0, "too few to tell"
+    assert compute_vacated_fraction(points, there, pose, CLEAR) < 0.02
+    assert compute_vacated_fraction(points, behind, pose, CLEAR) == 1.0
+    assert compute_vacated_fraction(points, before, pose, CLEAR) == 0.0
+    assert compute_vacated_fraction(points[:10], behind, pose, CLEAR) == 0.0, "too few to tell"
     nothing = prepared(np.full((72, 96), np.inf))
-    assert vacated_fraction(points, nothing, pose, CLEAR) == 0.0, "no depth is known"
+    assert compute_vacated_fraction(points, nothing, pose, CLEAR) == 0.0, "no depth is known"
 
 
 @settings(max_examples=12)

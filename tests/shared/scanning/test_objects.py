@@ -67,7 +67,7 @@ def seen_from(mesh, side, pose):
     """Returns the points of a mesh that face a direction (3,), transformed by a pose."""
     points = sample_surface(mesh, 6000)
     faces = points.normals @ rotation.unit(np.array(side, float)) > -0.2
-    return replace(points, points=points.points[faces], normals=points.normals[faces]).transformed(pose)
+    return replace(points, points=points.points[faces], normals=points.normals[faces]).transform(pose)
 
 
 @settings(max_examples=6, deadline=None)
@@ -85,9 +85,7 @@ def test_a_part_is_found_in_any_pose(turn, move):
 def test_ambiguous_pose_is_rejected():
     brick = ScannedSurface(sample_surface(box((-0.2, 0, -0.1), (0.2, 0.1, 0.1)), 6000), [])
     assert (
-        register_part(
-            brick, ScannedSurface(brick.surface.transformed(pose_of((0.4, 1.0, 0.2), (1, 0, 0))), [])
-        )
+        register_part(brick, ScannedSurface(brick.surface.transform(pose_of((0.4, 1.0, 0.2), (1, 0, 0))), []))
         is None
     )
 

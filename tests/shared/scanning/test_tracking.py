@@ -199,7 +199,7 @@ def test_slope_noise_correction_matches_slow_sum():
     share = np.cumsum(np.array(weights)[order]) / np.sum(weights)
     median = np.array(angles)[order][np.searchsorted(share, 0.5)]
     expected = matrix - median**2 / (2 * np.log(2)) * (extra - matrix)
-    corrected = frame_to_model_tracking._denoised_matrix(sums)
+    corrected = frame_to_model_tracking._denoise_matrix(sums)
     # Bins of a sixteenth determine the median to a few percent, and the correction to twice that.
     assert np.abs(corrected - expected).max() < 0.3 * np.abs(matrix - expected).max()
     # Corrected for noise: products of slopes and normals, and a part of the remainder in proportion to the
@@ -207,7 +207,7 @@ def test_slope_noise_correction_matches_slow_sum():
     independent = scanner.settings.tracking.independent
     count = np.sum(weights) ** 2 / np.square(weights).sum()
     close, less = (
-        frame_to_model_tracking._denoised_close_matrix(sums, independent),
+        frame_to_model_tracking._denoise_close_matrix(sums, independent),
         1.0 / np.sqrt(independent * count),
     )
     np.testing.assert_allclose(close, true - less * (matrix - true), rtol=1e-5, atol=1e-5 * true.max())

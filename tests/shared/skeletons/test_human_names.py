@@ -8,14 +8,14 @@ from made_people import CONVENTIONS, convention_name, person
 from enliven.document.skeleton import Skeleton
 from enliven.person import BODY_NAMES, PARENTS
 from enliven.skeletons.anatomy import find_anatomy
-from enliven.skeletons.human_names import finger_joints, human_joints
+from enliven.skeletons.human_names import finger_joints, find_human_joints
 
 
 @pytest.mark.parametrize("extras", [False, True], ids=["plain", "extras"])
 @pytest.mark.parametrize("convention", CONVENTIONS)
 def test_limbs_are_found_by_name(convention, extras):
     skeleton = person(convention, extras=extras)
-    limbs = human_joints(skeleton)
+    limbs = find_human_joints(skeleton)
 
     def named(*joints):
         return tuple(skeleton.index(convention_name(convention, joint)) for joint in joints)
@@ -63,13 +63,13 @@ def test_split_deform_bones_begin_at_their_first_part():
             at.append([s * x, 1.4, 0.0])
             above = len(names) - 1
     skeleton = Skeleton(tuple(names), np.array(parents), np.array(at))
-    left = human_joints(skeleton).arms[0]
+    left = find_human_joints(skeleton).arms[0]
     assert [names[j] for j in left.knots] == ["upper_arm.L", "forearm.L", "hand.L"]
 
 
 def test_a_tracked_person_is_found_by_name():
     skeleton = Skeleton(BODY_NAMES, np.array(PARENTS), np.random.default_rng(0).normal(size=(20, 3)))
-    limbs = human_joints(skeleton)
+    limbs = find_human_joints(skeleton)
     assert [BODY_NAMES[j] for j in limbs.arms[0].knots] == ["shoulder left", "elbow left", "wrist left"]
     assert [BODY_NAMES[j] for j in limbs.legs[1].knots] == ["hip right", "knee right", "ankle right"]
 
@@ -78,7 +78,7 @@ def test_a_tracked_person_is_found_by_name():
     "skeleton", [horse(), spider(), man(named=False)], ids=["horse", "spider", "nameless"]
 )
 def test_unknown_names_identify_no_limbs(skeleton):
-    assert human_joints(skeleton) is None
+    assert find_human_joints(skeleton) is None
 
 
 def test_an_animal_with_human_names_is_told_by_its_level_back():

@@ -15,7 +15,7 @@ from enliven import rotation
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
 from enliven.wire import bits, quantize
-from enliven.wire.posecode import MAX_TRANSFORMS, PoseCodec, spanning_tree
+from enliven.wire.posecode import MAX_TRANSFORMS, PoseCodec, find_spanning_tree
 
 SEEDS = st.integers(0, 2**32 - 1)
 few = settings(max_examples=40, deadline=None)
@@ -272,7 +272,7 @@ def test_the_tree_spans_and_parents_come_first(seed: int, count: int) -> None:
     rng = np.random.default_rng(seed)
     pivots = rng.normal(size=(count, 3))
     edges = rng.integers(0, count, (count, 2))
-    order, parents = spanning_tree(pivots, edges)
+    order, parents = find_spanning_tree(pivots, edges)
     assert sorted(order) == list(range(count)) and parents[order[0]] == -1
     place = np.argsort(order)
     assert all(place[parents[i]] < place[i] for i in order[1:])
@@ -280,5 +280,5 @@ def test_the_tree_spans_and_parents_come_first(seed: int, count: int) -> None:
 
 def test_the_tree_prefers_edges_to_neighbours() -> None:
     pivots = np.array([[0.0, 0, 0], [0, 1, 0], [0.1, 0, 0], [0.1, 1, 0]])
-    _, parents = spanning_tree(pivots, np.array([[0, 1], [1, 3], [3, 2]]))
+    _, parents = find_spanning_tree(pivots, np.array([[0, 1], [1, 3], [3, 2]]))
     assert parents.tolist() == [-1, 0, 3, 1]

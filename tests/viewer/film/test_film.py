@@ -208,7 +208,7 @@ def test_tiles_are_spread_over_the_whole_film(count: int) -> None:
     tiles = Tiles(6, 16)
     for k in range(count):
         tiles.add(k / 30, np.full((9, 16, 3), k % 256, np.uint8))
-    seconds = [tile.seconds for tile in tiles.chosen()]
+    seconds = [tile.seconds for tile in tiles.choose_tiles()]
     assert len(seconds) == min(count, 6) and seconds == sorted(set(seconds))
     assert seconds[0] == 0 and seconds[-1] >= 0.8 * (count - 1) / 30
 

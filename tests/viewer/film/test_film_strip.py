@@ -41,10 +41,10 @@ def test_every_picture_is_in_the_film_and_on_the_sheet_in_order(tmp_path):
         shown = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
     assert len(shown) == writer.count == len(levels)
     np.testing.assert_allclose([picture[4:12].mean() for picture in shown], levels, atol=12)
-    assert [round(30 * tile.seconds) for tile in tiles.chosen()] == sorted(
-        round(30 * tile.seconds) for tile in tiles.chosen()
+    assert [round(30 * tile.seconds) for tile in tiles.choose_tiles()] == sorted(
+        round(30 * tile.seconds) for tile in tiles.choose_tiles()
     )
-    assert tiles.chosen()[0].seconds == 0.0
+    assert tiles.choose_tiles()[0].seconds == 0.0
 
 
 class Full:

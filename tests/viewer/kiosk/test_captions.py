@@ -40,7 +40,7 @@ def draw(gl, canvas, size, letters, text) -> np.ndarray:
     """Returns (H, W) the brightness of a text drawn on black."""
     target = gl.simple_framebuffer(size, 4)
     target.clear()
-    with canvas.over(target):
+    with canvas.draw_over(target):
         canvas.text(4, 4, text, letters, (1.0, 1.0, 1.0, 1.0))
     width, height = size
     return np.frombuffer(target.read(components=1), np.uint8).reshape(height, width)
@@ -58,7 +58,7 @@ def test_small_letters_are_readable_from_four_metres(gl, canvas, height):
 def test_words_fit_the_screen_in_three_lines(canvas, gl, language, size):
     set_language(language)
     target = gl.simple_framebuffer((64, 64), 4)
-    with canvas.over(target):
+    with canvas.draw_over(target):
         for english in TEXTS.english.values():
             rows = wrap_words(canvas, tr(english, "chair"), round(HINT_SIZE * size[1]), 0.88 * size[0])
             assert len(rows) <= 3, english

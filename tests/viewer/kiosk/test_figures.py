@@ -77,7 +77,7 @@ def test_character_that_never_comes_near_is_shown_after_a_second(box):
 def test_ring_is_as_long_as_its_filling():
     mark = FloorMark("ring", (255, 255, 255))
     for fraction in (0.25, 0.5, 1.0):
-        points = mark.at(PLACE, 0.3, 0.4, fraction).vertices
+        points = mark.make_mark(PLACE, 0.3, 0.4, fraction).vertices
         outer = points[1::2]
         length = float(np.linalg.norm(np.diff(outer, axis=0), axis=1).sum())
         assert length == pytest.approx(2 * math.pi * 0.4 * fraction, rel=0.01)

@@ -15,7 +15,7 @@ from enliven.kiosk.spot import LeaveCharacter
 from enliven.kiosk.story_table import Phase
 from enliven.person import Joint
 from enliven.space.rigid_transform import compose_transform
-from enliven.space.space_file import Place, Space, nested_tuples, save_space
+from enliven.space.space_file import Place, Space, convert_to_nested_tuples, save_space
 from enliven_viewer.kiosk.show import KioskShow
 from enliven_viewer.kiosk.stage_link import KioskLink
 from enliven_viewer.link.edge_client import EdgeClient
@@ -102,7 +102,7 @@ def enter(edges, tmp_path):
         shifts = {name: compose_transform(np.eye(3), np.array([x, 0.0, 0.0])) for name, x in places.items()}
         save_space(
             tmp_path / "space.toml",
-            Space({name: Place(nested_tuples(shift)) for name, shift in shifts.items()}),
+            Space({name: Place(convert_to_nested_tuples(shift)) for name, shift in shifts.items()}),
             [],
         )
         performers = story.get("performers", 1)

@@ -311,7 +311,7 @@ def test_code_can_be_read_on_each_screen(size, language, at_left):
     code = SouvenirCode(f"http://192.168.100.200:5592/{'Ab-_9' * 4}zz", SouvenirSettings("photo"))
     set_language(language)
     try:
-        with canvas.over(target):
+        with canvas.draw_over(target):
             code.draw(canvas, size, at_left=at_left)
     finally:
         set_language("en")

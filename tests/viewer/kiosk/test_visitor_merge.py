@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from enliven.person import Body
 from enliven_viewer.kiosk.visitor_merge import SAME_VISITOR_M, VisitorMerge
-from enliven_viewer.live.followed_edge import shared_performer_id, split_performer_id
+from enliven_viewer.live.followed_edge import find_shared_performer_id, split_performer_id
 
 PLACES = st.tuples(st.floats(-4.0, 4.0), st.floats(-4.0, 4.0))
 EDGES = st.lists(st.lists(PLACES, max_size=4), min_size=1, max_size=3)
@@ -32,7 +32,7 @@ def test_no_visitor_is_lost_and_each_edge_counts_people_apart(edges):
             near = [
                 other
                 for number, other in merged.items()
-                if number == shared_performer_id(n, body.id)
+                if number == find_shared_performer_id(n, body.id)
                 or np.linalg.norm(other.joints[0] - body.joints[0]) <= SAME_VISITOR_M
             ]
             assert near, "a body is only left out for another one at its place"
@@ -48,14 +48,14 @@ def test_the_same_frame_again_changes_nothing(edges):
 @given(EDGES, st.data())
 def test_a_body_that_holds_a_character_stays(edges, data):
     seen = {n: bodies_at(places) for n, places in enumerate(edges)}
-    everyone = [shared_performer_id(n, body.id) for n, there in seen.items() for body in there]
+    everyone = [find_shared_performer_id(n, body.id) for n, there in seen.items() for body in there]
     holding = data.draw(st.sets(st.sampled_from(everyone)) if everyone else st.just(set()))
     assert holding <= VisitorMerge().merge(seen, holding).keys()
 
 
 def test_a_visitor_keeps_the_edge_that_saw_them_first():
     merge = VisitorMerge()
-    second = shared_performer_id(1, 1)
+    second = find_shared_performer_id(1, 1)
     assert merge.merge({0: [], 1: bodies_at([(0.0, 0.0)])}, set()).keys() == {second}
     for x in (0.1, 0.3, 0.5, 0.3):
         both = {0: bodies_at([(x, 0.0)]), 1: bodies_at([(0.0, 0.0)])}

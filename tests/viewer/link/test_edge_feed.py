@@ -83,9 +83,9 @@ def test_published_messages_reach_the_timeline(publisher, box) -> None:
         publisher.publish_pose(
             Pose("box", NS_PER_S, rest.linear, rest.positions + 0.25), time.time_ns() - 20_000_000
         )
-        until(lambda: len(document.timeline) and document.timeline.at(NS_PER_S).possessed, turn)
-        until(lambda: document.timeline.at(NS_PER_S).poses, turn)
-        moment = document.timeline.at(NS_PER_S)
+        until(lambda: len(document.timeline) and document.timeline.find_moment(NS_PER_S).possessed, turn)
+        until(lambda: document.timeline.find_moment(NS_PER_S).poses, turn)
+        moment = document.timeline.find_moment(NS_PER_S)
         assert np.abs(moment.poses["box"].positions - box.pivots - 0.25).max() < 5e-3
         assert moment.bodies[0].id == 7 and list(moment.cues["box"].nodes) == [1, 2]
         assert document.edge.sensor_to_pose_ms >= 20

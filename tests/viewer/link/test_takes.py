@@ -76,7 +76,7 @@ def test_all_messages_are_read_in_order(tmp_path, box) -> None:
     timeline = document.timeline
     assert list(document.characters) == ["box"] and len(timeline) == COUNT and take.unreadable == 0
     for k in (0, 17, COUNT - 1):
-        moment = timeline.at(k * NS_PER_S // 30)
+        moment = timeline.find_moment(k * NS_PER_S // 30)
         assert np.abs(moment.poses["box"].positions - shifted(box, k).positions).max() < 2e-3
         assert moment.bodies[0].id == 3 and moment.possessed == (k >= 20)
     assert document.edge.phase == "ended"
@@ -162,6 +162,6 @@ def test_exported_recording_is_played(tmp_path: Path) -> None:
         pass
     assert list(document.characters) == ["cactus"] and feed.unreadable == 0
     performance = sample_performance(cactus_project(), "cactus", end=1.0, rate=10.0)
-    moments = [document.timeline.at(round(time * 1e9)) for time in performance.times]
+    moments = [document.timeline.find_moment(round(time * 1e9)) for time in performance.times]
     for moment, pose in zip(moments, performance.poses(), strict=True):
         np.testing.assert_allclose(moment.poses["cactus"].positions, pose.positions, atol=1e-3)

@@ -30,7 +30,7 @@ def canvas_of(gl, width: int, height: int):
 
 def draw(gl, target, state: HudState, scale: float = 1.0) -> None:
     canvas = Canvas(gl)
-    with canvas.over(target):
+    with canvas.draw_over(target):
         Hud(canvas, scale).draw((target.width, target.height), state)
     canvas.release()
 
@@ -42,7 +42,7 @@ def pixels(target) -> np.ndarray:
 
 def test_a_rectangle_covers_its_pixels_and_no_others(gl) -> None:
     target, canvas = canvas_of(gl, 64, 48), Canvas(gl)
-    with canvas.over(target):
+    with canvas.draw_over(target):
         canvas.rectangle(10, 5, 20, 8, (1, 1, 1, 1))
     expected = np.zeros((48, 64))
     expected[5:13, 10:30] = 255
@@ -52,7 +52,7 @@ def test_a_rectangle_covers_its_pixels_and_no_others(gl) -> None:
 def written(gl, text: str, size: int, **where) -> tuple[np.ndarray, tuple[float, float]]:
     """Returns the (200, 400) coverage, 0..1, of a text at (100, 20), and the text's extent."""
     target, canvas = canvas_of(gl, 400, 200), Canvas(gl)
-    with canvas.over(target):
+    with canvas.draw_over(target):
         canvas.text(100, 20, text, size, (1, 1, 1, 1), **where)
         extent = canvas.extent(text, size, where.get("wrap", 0.0))
     canvas.release()

@@ -118,7 +118,7 @@ def test_cards_are_drawn_above_the_timeline_and_only_where_there_is_room(gl) -> 
     def ink(size: tuple[int, int]) -> np.ndarray:
         target.clear(0.2, 0.2, 0.2, 1)
         canvas = Canvas(gl)
-        with canvas.over(target):
+        with canvas.draw_over(target):
             draw_cards(canvas, size, 1.0, 14, cards)
         picture = np.frombuffer(target.read(components=3, alignment=1), np.uint8).reshape(360, 640, 3)[::-1]
         return np.abs(picture.astype(int) - 51).sum(-1) > 12
@@ -139,7 +139,7 @@ def test_a_line_of_the_canvas_covers_its_pixels_and_no_others(gl) -> None:
     target = gl.framebuffer([texture])
     target.clear(0, 0, 0, 1)
     canvas = Canvas(gl)
-    with canvas.over(target):
+    with canvas.draw_over(target):
         canvas.line(np.array([[10.0, 12.0], [40.0, 52.0]]), 6.0, (1, 1, 1, 1))
         canvas.line(np.array([[56.0, 8.0], [56.0, 8.0]]), 8.0, (1, 1, 1, 1))
     picture = np.frombuffer(target.read(components=3, alignment=1), np.uint8).reshape(64, 64, 3)[::-1, :, 0]
@@ -156,13 +156,13 @@ def test_boards_come_to_the_scene_at_their_time_and_stay_while_the_next_is_under
     document.add_bodies(5, ())
     document.add_board(BOARD)
     document.add_bodies(6, ())
-    assert make_scene(document, document.timeline.at(6), SceneStyle()).boards == {"cross": BOARD}
+    assert make_scene(document, document.timeline.find_moment(6), SceneStyle()).boards == {"cross": BOARD}
     later = replace(BOARD, time_ns=6, state="playing")
     document.add_board(later)
-    assert document.timeline.at(6).boards == {"cross": later}
-    assert document.timeline.at(5).boards == {"cross": BOARD}
+    assert document.timeline.find_moment(6).boards == {"cross": later}
+    assert document.timeline.find_moment(5).boards == {"cross": BOARD}
     document.remove_character("cross")
-    assert make_scene(document, document.timeline.at(6), SceneStyle()).boards == {}
+    assert make_scene(document, document.timeline.find_moment(6), SceneStyle()).boards == {}
 
 
 def test_between_two_moments_the_lines_are_between() -> None:
@@ -171,7 +171,7 @@ def test_between_two_moments_the_lines_are_between() -> None:
     for time_ns, rows in ((0, ROWS), (10_000_000, (moved, replace(ROWS[1], lines=(UP + 5.0, LEFT))))):
         document.add_bodies(time_ns, ())
         document.add_board(replace(BOARD, time_ns=time_ns, rows=rows))
-    between = document.timeline.at(5_000_000).boards["cross"]
+    between = document.timeline.find_moment(5_000_000).boards["cross"]
     np.testing.assert_allclose(between.rows[0].lines[0], RIGHT + np.array([0.0, 0.05, 0.0]))
     np.testing.assert_array_equal(between.rows[1].lines[0], UP, err_msg="that is another limb by now")
 

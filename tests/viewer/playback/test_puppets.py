@@ -176,13 +176,13 @@ def test_a_scene_has_the_solved_surface_and_lets_go_of_who_is_gone() -> None:
     document, surfaces = Document(Timeline(bounded=False)), SolvedSurfaces(wait=True)
     document.add_character(CHARACTER)
     document.add_pose(pose(bent()))
-    scene = make_scene(document, document.timeline.at(0), SceneStyle(), surfaces)
+    scene = make_scene(document, document.timeline.find_moment(0), SceneStyle(), surfaces)
     solved = scene.actors[0].vertices
     assert solved is not None
     np.testing.assert_allclose(solved[TOP], bent()[0], atol=1e-4)
-    assert make_scene(document, document.timeline.at(0), SceneStyle()).actors[0].vertices is None
+    assert make_scene(document, document.timeline.find_moment(0), SceneStyle()).actors[0].vertices is None
     document.remove_character("chair")
-    make_scene(document, document.timeline.at(0), SceneStyle(), surfaces)
+    make_scene(document, document.timeline.find_moment(0), SceneStyle(), surfaces)
     assert not surfaces._known
 
 

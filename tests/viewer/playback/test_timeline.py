@@ -131,7 +131,7 @@ def test_between_two_poses_lies_a_blend_and_across_a_gap_the_nearer_one() -> Non
     for time_ns, x in ((0, 0.0), (FRAME, 1.0), (NS_PER_S, 2.0)):
         timeline.add_pose(pose(time_ns, x))
     places = [
-        float(timeline.at(t).poses["chair"].positions[0, 0])
+        float(timeline.find_moment(t).poses["chair"].positions[0, 0])
         for t in (-5, FRAME // 2, FRAME + 9, NS_PER_S - 9, 2 * NS_PER_S)
     ]
     assert np.allclose(places, [0, 0.5, 1, 2, 2], atol=1e-6)
@@ -142,7 +142,7 @@ def test_poses_bodies_and_characters_of_one_time_share_a_moment() -> None:
     timeline.add_pose(pose(5))
     timeline.add_bodies(5, [body(1.0)])
     timeline.add_pose(pose(5, name="horse"))
-    moment = timeline.at(5)
+    moment = timeline.find_moment(5)
     assert len(timeline) == 1 and set(moment.poses) == {"chair", "horse"} and len(moment.bodies) == 1
 
 
@@ -150,7 +150,7 @@ def test_bodies_are_blended_by_identity() -> None:
     timeline = Timeline()
     timeline.add_bodies(0, [body(0.0, 1), body(5.0, 2)])
     timeline.add_bodies(FRAME, [body(1.0, 1), body(9.0, 3)])
-    early, late = (timeline.at(round(s * FRAME)).bodies for s in (0.25, 0.75))
+    early, late = (timeline.find_moment(round(s * FRAME)).bodies for s in (0.25, 0.75))
     assert [b.id for b in early] == [1, 2] and [b.id for b in late] == [1, 3]
     assert abs(early[0].joints[0, 0] - 0.25) < 1e-6
 
@@ -160,11 +160,11 @@ def test_a_performer_is_seen_on_until_the_bodies_of_the_next_pose_are_here() -> 
     timeline.add_bodies(0, [body(1.0)])
     for step in (1, 2):
         timeline.add_pose(pose(step * FRAME))
-    assert [len(timeline.at(round(s * FRAME)).bodies) for s in (0.5, 1, 1.5, 2)] == [1] * 4
+    assert [len(timeline.find_moment(round(s * FRAME)).bodies) for s in (0.5, 1, 1.5, 2)] == [1] * 4
     timeline.add_bodies(FRAME, [])
-    assert not timeline.at(FRAME).bodies, "nobody is in view: that was said"
+    assert not timeline.find_moment(FRAME).bodies, "nobody is in view: that was said"
     timeline.add_pose(pose(2 * FRAME + round(timeline.settings.gap * 1e9)))
-    assert not timeline.at(timeline.end_ns).bodies, "those of long ago"
+    assert not timeline.find_moment(timeline.end_ns).bodies, "those of long ago"
 
 
 def test_cues_hold_from_their_moment_on() -> None:
@@ -173,10 +173,10 @@ def test_cues_hold_from_their_moment_on() -> None:
     timeline.add_pose(pose(FRAME))
     timeline.set_cues(CueFrame("chair", np.array([0], np.int32), np.ones(1, np.float32)))
     timeline.add_pose(pose(2 * FRAME))
-    assert [timeline.at(k * FRAME).possessed for k in range(3)] == [False, True, True]
+    assert [timeline.find_moment(k * FRAME).possessed for k in range(3)] == [False, True, True]
     timeline.forget_cues("chair")
     timeline.add_pose(pose(3 * FRAME))
-    assert [timeline.at(k * FRAME).possessed for k in range(4)] == [False, True, False, False]
+    assert [timeline.find_moment(k * FRAME).possessed for k in range(4)] == [False, True, False, False]
 
 
 def test_memory_is_bounded_in_time_and_number() -> None:
@@ -205,10 +205,10 @@ def test_a_late_pose_is_no_restart() -> None:
 
 def test_dropping_the_past_keeps_what_a_later_time_needs() -> None:
     timeline = filled()
-    before = timeline.at(10 * FRAME + 7).poses["chair"].positions
+    before = timeline.find_moment(10 * FRAME + 7).poses["chair"].positions
     timeline.drop_before(10 * FRAME + 7)
     assert timeline.start_ns == 10 * FRAME
-    assert np.array_equal(timeline.at(10 * FRAME + 7).poses["chair"].positions, before)
+    assert np.array_equal(timeline.find_moment(10 * FRAME + 7).poses["chair"].positions, before)
 
 
 def test_an_empty_timeline_has_nothing_to_show() -> None:
@@ -227,6 +227,6 @@ def test_cues_belong_to_their_own_time() -> None:
     nodes, strengths = np.array([0], np.int32), np.ones(1, np.float32)
     timeline.set_cues(CueFrame("a", nodes, strengths, "preview"), 0)
     timeline.set_cues(CueFrame("a", nodes, strengths, "possessed"), 2 * NS_PER_S)
-    assert [timeline.at(i * NS_PER_S).possessed for i in range(4)] == [False, False, True, True]
+    assert [timeline.find_moment(i * NS_PER_S).possessed for i in range(4)] == [False, False, True, True]
     timeline.add_bodies(4 * NS_PER_S, [])
-    assert timeline.at(4 * NS_PER_S).possessed
+    assert timeline.find_moment(4 * NS_PER_S).possessed

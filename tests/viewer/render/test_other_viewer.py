@@ -156,7 +156,7 @@ def test_a_textured_rig_is_the_same_in_motion(tmp_path: Path) -> None:
     project, shape = play_clip(Project(), rig.shape, rig.clips[0])
     assert run(["export", str(path), "-o", str(out)]) == 0
     player, times = Player(project, shape.id), [0.0, 0.21, 0.499, 0.7, 1.11, 1.3]
-    poses = [player.pose(second) for second in times]
+    poses = [player.compute_message_pose(second) for second in times]
     files = [(out.read_bytes(), times), (path.read_bytes(), times)]
     compared, picture = compare(character_of(shape), poses, files, tmp_path / "browser")
     keep(picture, "rigged")

@@ -61,9 +61,9 @@ def test_props_stay_until_their_next_message(box: Character) -> None:
     timeline = Timeline()
     timeline.add_props(loose(NS_PER_S))
     timeline.add_pose(box.rest_pose(NS_PER_S + NS_PER_S // 30))
-    assert timeline.at(timeline.end_ns).props is not None
+    assert timeline.find_moment(timeline.end_ns).props is not None
     timeline.add_pose(box.rest_pose(3 * NS_PER_S))
-    assert timeline.at(3 * NS_PER_S).props is None, "long without a word: they are gone"
+    assert timeline.find_moment(3 * NS_PER_S).props is None, "long without a word: they are gone"
 
 
 def test_props_are_read_back_from_a_take(tmp_path, box: Character) -> None:
@@ -82,7 +82,7 @@ def test_props_are_read_back_from_a_take(tmp_path, box: Character) -> None:
     while take.poll(document):
         pass
     assert take.unreadable == 0 and len(document.timeline) == 5
-    props = document.timeline.at(3 * NS_PER_S).props
+    props = document.timeline.find_moment(3 * NS_PER_S).props
     np.testing.assert_allclose(props.positions, loose(0, 0.3).positions, atol=3e-4)
     assert props.note == "x"
 
@@ -114,15 +114,17 @@ def test_camera_frames_near_props_only(box: Character) -> None:
     document = Document()
     document.add_character(box)
     document.add_pose(box.rest_pose(0))
-    alone = make_scene(document, document.timeline.at(0), SceneStyle()).box
+    alone = make_scene(document, document.timeline.find_moment(0), SceneStyle()).box
     document.add_props(loose())
-    both = make_scene(document, document.timeline.at(0), SceneStyle())
+    both = make_scene(document, document.timeline.find_moment(0), SceneStyle())
     assert both.box[0][0] < alone[0][0] and both.lit_box[0][0] < alone[0][0], "the box, at the left"
     assert both.box[1][0] == alone[1][0] < both.lit_box[1][0], "a ball has a shadow, but moves no camera"
     far = loose()
     far.positions[:] += [30.0, 0, 0]
     document.add_props(far)
-    np.testing.assert_allclose(make_scene(document, document.timeline.at(0), SceneStyle()).box, alone)
+    np.testing.assert_allclose(
+        make_scene(document, document.timeline.find_moment(0), SceneStyle()).box, alone
+    )
 
 
 def test_boxes_and_balls_are_drawn_and_cast_shadows(gl) -> None:
@@ -158,7 +160,7 @@ def test_distant_prop_leaves_the_framing_without_a_jump(box: Character) -> None:
     for k in range(120):
         rolled.positions[:] = [[0.3 + 0.02 * k, 0.2, 0.0]]
         document.add_props(rolled)
-        low, high = make_scene(document, document.timeline.at(0), SceneStyle()).box
+        low, high = make_scene(document, document.timeline.find_moment(0), SceneStyle()).box
         widths.append(high[0] - low[0])
     assert max(np.abs(np.diff(widths))) < 0.021, "the box jumps"
     assert max(widths) > widths[0] + 0.5 and widths[-1] == pytest.approx(min(widths))

@@ -17,7 +17,7 @@ from enliven.formats.project.one_character import project_of_mesh
 from enliven.frames import BodyFrame
 from enliven.modeling.edits import handle_characters
 from enliven.person import Body, Joint
-from enliven.possession import ActorSettings, EmbeddedActor, standing_figure
+from enliven.possession import ActorSettings, EmbeddedActor, make_standing_figure
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.base import Sensor
 from enliven_edge.service import Edge
@@ -41,7 +41,7 @@ class Person(Sensor):
 
     def read(self, timeout: float | None = None) -> BodyFrame:
         self._count += 1
-        joints = standing_figure() + np.array([0.0, 0.0, 2.0])
+        joints = make_standing_figure() + np.array([0.0, 0.0, 2.0])
         middle = joints[HANDS].mean(0)
         joints[HANDS] = middle + np.array([[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]]) * self.away
         return BodyFrame([Body(1, joints, np.ones(20), stature=1.75)], self._count * STEP, self.name)
@@ -109,7 +109,7 @@ def test_hand_scaling_is_kept_undone_and_set_again(house: House) -> None:
     house.until(lambda: house.actor.growth == 1.0 and sizes.find_size("chair") == 1.0)
     editor.redo()
     house.until(lambda: house.actor.growth == pytest.approx(size, rel=1e-3))
-    house.until(lambda: not sizes.lacks_size("chair"))
+    house.until(lambda: not sizes.describe_missing_size("chair"))
     assert house.workspace.actions.do("perform.its_own_size_again")
     house.until(lambda: house.actor.growth == 1.0)
     assert not editor.project.handling, "it is as if it had never been"

@@ -12,7 +12,7 @@ import pytest
 from patience import TIMEOUT_S
 
 from enliven.errors import InputError
-from enliven_viewer.live.followed_edge import shared_performer_id
+from enliven_viewer.live.followed_edge import find_shared_performer_id
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.perform.camera_preview import list_views
 from enliven_viewer.studio.features.perform.session import PerformSession
@@ -65,7 +65,7 @@ def test_two_edges_are_recorded_and_one_continues_alone(two) -> None:
     until(session, lambda: session.scene is not None and len(session.scene.actors) == 2)
     until(session, lambda: session.scene is not None and len(session.scene.bodies) == 2)
     shown = session.scene
-    assert {body.id for body in shown.bodies} == {1, shared_performer_id(1, 1)}
+    assert {body.id for body in shown.bodies} == {1, find_shared_performer_id(1, 1)}
     assert {actor.character.id for actor in shown.actors} == {"chair", f"{guest.name}/chair"}
     assert f"Performer 1 at {guest.name}" in session.present
     views = list_views(session)

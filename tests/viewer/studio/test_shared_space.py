@@ -19,10 +19,10 @@ from patience import TIMEOUT_S
 from enliven.document.character import Character, SkinWeights
 from enliven.person import Body
 from enliven.space.rigid_transform import compose_transform, rotation_from_vector
-from enliven.space.space_file import Place, Space, nested_tuples
+from enliven.space.space_file import Place, Space, convert_to_nested_tuples
 from enliven.wire import bodies_to_message
 from enliven_edge.network.publisher import Publisher
-from enliven_viewer.live.followed_edge import shared_performer_id
+from enliven_viewer.live.followed_edge import find_shared_performer_id
 from enliven_viewer.live.shared_space import SharedSpace
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.perform.session import PerformSession
@@ -160,8 +160,8 @@ def test_edges_are_placed_by_the_space_and_one_lost_keeps_the_other(session: Per
     shifted = compose_transform(np.eye(3), np.array([1.0, 0.0, 0.0]))
     session.shared_space.space = Space(
         {
-            left.publisher.name: Place(nested_tuples(shifted)),
-            right.publisher.name: Place(nested_tuples(turned)),
+            left.publisher.name: Place(convert_to_nested_tuples(shifted)),
+            right.publisher.name: Place(convert_to_nested_tuples(turned)),
         }
     )
     with contextlib.ExitStack() as stack:
@@ -175,7 +175,7 @@ def test_edges_are_placed_by_the_space_and_one_lost_keeps_the_other(session: Per
         # The world of the right edge is rotated and shifted relative to the world of the left edge.
         relative = np.linalg.inv(shifted) @ turned
         joints = {body.id: body.joints for body in session.scene.bodies}
-        moved = joints[shared_performer_id(1, 1)][0]
+        moved = joints[find_shared_performer_id(1, 1)][0]
         assert abs(moved[0] - relative[0, 3]) < 1e-3 and moved[2] < relative[2, 3]
         np.testing.assert_allclose(
             actor.pose.linear[0], relative[:3, :3] @ right.character.rest_pose().linear[0], atol=1e-3

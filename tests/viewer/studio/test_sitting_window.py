@@ -18,7 +18,7 @@ from scipy.signal import resample_poly
 
 from enliven.recording import Recorder, Recording
 from enliven.samples.shipped import load_sample
-from enliven_edge.doctor import shipped_recording
+from enliven_edge.doctor import find_shipped_recording
 from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
 from enliven_synthesis.sensor.profile import load_profile
 
@@ -66,7 +66,7 @@ def carried_and_performed(path: Path) -> None:
     The path is closed, so the rounds follow each other without a jump. On a busy machine, the scan starts
     late.
     """
-    person = list(Recording(shipped_recording()).frames())
+    person = list(Recording(find_shipped_recording()).frames())
     scan = HandheldScan(load_sample("chair"), load_profile("kinect1"), PATH, width=320, colour=True)
     carried = [scan.frame(index) for index in range(0, scan.frames, STEP)]
     with Recorder(path) as recorder:

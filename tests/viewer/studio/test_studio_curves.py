@@ -91,7 +91,7 @@ def test_weight_and_speed_are_those_of_the_layer(speed: float, weight: float, of
 
 
 def at(curves: CurveInput, number: int, axis: int) -> tuple[float, float]:
-    group = curves.shown_group()
+    group = curves.find_shown_group()
     assert group is not None
     dot = next(each for each in group.dots if (each.number, each.axis) == (number, axis))
     return curves.axis.scale.x(dot.time), curves.scale(group).y(dot.value)
@@ -101,7 +101,7 @@ def test_a_key_is_dragged_in_value_and_in_time_each_as_one_edit() -> None:
     editor, curves, name = desk("bones", keyed=True)
     before = editor.project
     x, y = at(curves, 1, 1)
-    scale = curves.scale(curves.shown_group())
+    scale = curves.scale(curves.find_shown_group())
     up = scale.height * 10.0 / (scale.high - scale.low)
     curves.press(x, y)
     for share in (0.5, 1.0):
@@ -128,7 +128,7 @@ def test_a_key_is_dragged_in_value_and_in_time_each_as_one_edit() -> None:
 
 def test_keys_are_added_by_a_double_click_eased_and_removed() -> None:
     editor, curves, name = desk("bones", keyed=True)
-    group = curves.shown_group()
+    group = curves.find_shown_group()
     assert group is not None and group.name == "keys"
     x, y = curves.axis.scale.x(30 * KEY_STEP), curves.scale(group).y(33.0)
     curves.double_click(x, y)
@@ -147,7 +147,7 @@ def test_keys_are_added_by_a_double_click_eased_and_removed() -> None:
 
 def test_a_bone_without_keys_gets_its_first_by_a_double_click() -> None:
     editor, curves, name = desk("bones")
-    group = curves.shown_group()
+    group = curves.find_shown_group()
     assert group is not None and not group.dots
     curves.double_click(curves.axis.scale.x(0.5), curves.scale(group).y(3.0))
     ((time, key),) = find_keys(editor.project, name, BONE)
@@ -159,7 +159,7 @@ def test_a_control_points_key_pose_is_dragged_on_its_curve() -> None:
     editor, curves, name = desk("points")
     curves.group = "place"
     curves.settle()
-    group = curves.shown_group()
+    group = curves.find_shown_group()
     assert group is not None and group.name == "place" and group.dots
     dot = group.dots[1]
     before = editor.project.puppet(name).poses[dot.number].places
@@ -214,9 +214,9 @@ def test_a_key_that_is_set_at_the_playhead_is_removed_there(time: float) -> None
     editor, _, name = desk("bones")
     commands, before = KeyCommands(editor), editor.project
     editor.time = time
-    assert commands.lacks_key() and not commands.lacks()
+    assert commands.describe_missing_key() and not commands.describe_missing()
     commands.set()
-    assert len(find_keys(editor.project, name, BONE)) == 1 and not commands.lacks_key()
+    assert len(find_keys(editor.project, name, BONE)) == 1 and not commands.describe_missing_key()
     commands.remove()
     assert are_identical(editor.project, before)
 
@@ -260,7 +260,7 @@ def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) 
     )
     np.testing.assert_allclose(editor.stage_character(name).handles, handles, atol=1e-6)
     curves.group = "moves"
-    group = curves.shown_group()
+    group = curves.find_shown_group()
     assert group is not None and group.name == "moves"
     x, y = at(curves, 1, 0)
     curves.press(x, y)
@@ -277,7 +277,7 @@ def test_weight_and_speed_have_keys_on_their_curves(rig: str) -> None:
     curves.settle()
     for group, number in (("weight", "weights"), ("speed", "speeds")):
         curves.group = group
-        shown = curves.shown_group()
+        shown = curves.find_shown_group()
         assert shown is not None and shown.name == group and not shown.dots
         for second, value in ((0.3, 0.8), (0.9, 0.5)):
             curves.double_click(curves.axis.scale.x(second), curves.scale(shown).y(value))
@@ -327,6 +327,6 @@ def test_a_dragged_dot_of_a_possessed_mesh_sets_a_key_that_bends_it_there() -> N
     np.testing.assert_allclose(pixel, pixels[node] + (0, -40), atol=0.5)
     assert {"keys", "moves"} <= set(curves.groups()) and len(curves.groups()["moves"].dots) == 3
     commands = KeyCommands(editor)
-    assert not commands.lacks_key()
+    assert not commands.describe_missing_key()
     commands.remove()
     assert are_identical(editor.project, WORLDS["graph"][0])

@@ -39,6 +39,7 @@ from enliven_viewer.studio.puppets.example_edits import (
     list_constraints,
     mirror_pose,
     move_switch,
+    remove_constraint_from,
     remove_switch,
     retime_pose,
     turn_quarter,
@@ -46,7 +47,6 @@ from enliven_viewer.studio.puppets.example_edits import (
     with_default_settings,
     with_guessed_joints,
     with_setting,
-    without_constraint,
 )
 from enliven_viewer.studio.puppets.motion_solver import MotionSolver
 from enliven_viewer.studio.toasts import Toasts
@@ -71,7 +71,7 @@ def solved(solving: MotionSolver, project: Project):
 def test_incomplete_puppets_are_not_solved() -> None:
     solving = MotionSolver(Toasts(5.0))
     for project in (project_with(*NAMES), project_with(*NAMES, take="sway"), posed((0.0,))):
-        shown = solving.newest_solution(project, "star")
+        shown = solving.get_newest_solution(project, "star")
         assert shown[1].layers == () and solving.problem("star") is None and not solving.busy("star")
 
 
@@ -98,7 +98,7 @@ def test_retimed_layer_is_shown_without_solving() -> None:
     solving, project = MotionSolver(Toasts(5.0), patience=5.0), posed()
     solved(solving, project)
     moved = change_layers(project, "star", [0], offset=0.5, speed=2.0)
-    assert solving.newest_solution(moved, "star")[1] is moved.puppets["star"]
+    assert solving.get_newest_solution(moved, "star")[1] is moved.puppets["star"]
     solving.close()
 
 
@@ -246,7 +246,7 @@ def test_constraint_is_unique_per_frame_and_removable() -> None:
     assert list_constraints(project, "star", 0) == (level, second)
     places = evaluate_state(project, project.puppets["star"], 10 / 30).places
     np.testing.assert_allclose(places[1], second.place, atol=1e-8)
-    assert list_constraints(without_constraint(project, "star", 0, second), "star", 0) == (level,)
+    assert list_constraints(remove_constraint_from(project, "star", 0, second), "star", 0) == (level,)
 
 
 def test_a_click_on_a_joint_pairs_it_with_the_chosen_point(tmp_path) -> None:

@@ -79,7 +79,7 @@ def test_puppet_lanes_are_hit_where_they_are_drawn(offset, speed, frames, width,
         handle = lanes.handle_at(x, middle(poses))
         assert handle.kind == "pose"
         assert dict(shown.poses(lanes, poses))[handle.item] == pytest.approx(x, abs=7.0)
-        assert lanes.second(poses, x) == pytest.approx(times[number], abs=1e-6)
+        assert lanes.find_take_time(poses, x) == pytest.approx(times[number], abs=1e-6)
     band = row_of(lanes, "band")
     for _, left, right in shown.bands(lanes, band)[1:]:
         if left >= LABEL_WIDTH and abs(right - left) > 12 and band in bare:
@@ -200,7 +200,7 @@ def test_a_click_on_a_suggestion_begins_a_key_pose_there(tmp_path) -> None:
     timeline = workspace.state(TimelineInput)
     lanes = timeline.layout
     row = row_of(lanes, "poses")
-    second, x = timeline.rows.details.suggested_marks(lanes, row)[0]
+    second, x = timeline.rows.details.suggest_marks(lanes, row)[0]
     timeline.press(x, middle(row))
     timeline.release(x)
     poses = workspace.editor.project.puppets["star"].poses

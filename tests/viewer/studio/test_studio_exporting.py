@@ -36,7 +36,7 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 def workspace(tmp_path: Path) -> Workspace:
     opened = acting_stage(tmp_path / "own", 320, 240)
     for name in ("star", "post"):
-        opened.editor.edit("delete", lambda project, name=name: project.without(name))
+        opened.editor.edit("delete", lambda project, name=name: project.drop_character(name))
     opened.actions.do("edit.duplicate")
     opened.editor.select_only("limb")
     opened.actions.do("edit.duplicate")

@@ -24,7 +24,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.exporters.gltf.write import build_glb
 from enliven.exporters.performance import Performance
 from enliven.exporters.sampling import sample_performance
-from enliven.mapping.model_clips import play_own_clip, played_clip
+from enliven.mapping.model_clips import find_played_clip, play_own_clip
 from enliven.modeling.edits import rename_character
 from enliven.motion.layers.evaluate import Player
 from enliven_viewer.studio.editor.editor import Editor
@@ -66,7 +66,7 @@ def test_saved_project_opens_bit_for_bit(workspace: Workspace, tmp_path) -> None
     workspace.store.new()
     workspace.store.open(path)
     assert are_identical(workspace.editor.project, saved) and not workspace.store.dirty
-    workspace.editor.edit("delete", lambda project: project.without("limb"))
+    workspace.editor.edit("delete", lambda project: project.drop_character("limb"))
     assert workspace.store.dirty
     workspace.editor.undo()
     assert are_identical(workspace.editor.project, saved)
@@ -154,7 +154,7 @@ def test_saved_or_unchanged_project_leaves_no_recovery_file(workspace: Workspace
 def test_unwritable_recovery_file_is_reported(workspace: Workspace, tmp_path) -> None:
     (tmp_path / "in the way").write_text("")
     store = ProjectStore(workspace.editor, tmp_path / "in the way")
-    store._saved = store._autosaved = workspace.editor.project.without("limb")
+    store._saved = store._autosaved = workspace.editor.project.drop_character("limb")
     store.autosave(store._saved_at + 60.0)
     store.settle()
     assert "Ctrl+S" in said(workspace)
@@ -302,7 +302,7 @@ def model_with_clips(path: Path, *loops: bool, seed: int = 2) -> Path:
     shape, performances = shape_with_markers("man", skeleton), []
     for number, loop in enumerate(loops):
         clip = random_motion(random, skeleton, 6, 0.2, f"clip {number}")
-        back = clip.mapped(lambda track: np.concatenate([track, track[-2::-1]])) if loop else clip
+        back = clip.map_values(lambda track: np.concatenate([track, track[-2::-1]])) if loop else clip
         project = Project().with_characters(shape).with_takes(back)
         performances.append(
             sample_performance(play_own_clip(project, "man", back.id), "man", 0.0, back.duration, 10.0)
@@ -340,7 +340,7 @@ def test_a_model_that_is_opened_plays_its_clip_on_space_again_and_again(tmp_path
     opened.open(model_with_clips(tmp_path / "man.glb", False, True))
     editor = opened.editor
     assert "Space plays clip 1. The model has 2 clips: choose a clip at the right." in said(opened)
-    assert not editor.playing and played_clip(editor.project, editor.project.shape("man")) == "clip 1"
+    assert not editor.playing and find_played_clip(editor.project, editor.project.shape("man")) == "clip 1"
     play([Key("space"), Wait(0.25)], HeadlessStage(opened))
     assert editor.playing and editor.time > 0.2
     clip, player = editor.project.takes["clip 1"], Player(editor.project, "man")
@@ -360,9 +360,9 @@ def test_two_models_with_clips_of_one_name_keep_their_own(tmp_path) -> None:
     opened.open(model_with_clips(other, True, seed=5))
     opened.open(first)
     project = opened.editor.project
-    takes = [played_clip(project, project.shape(name)) for name in ("man", "other", "man 2")]
+    takes = [find_played_clip(project, project.shape(name)) for name in ("man", "other", "man 2")]
     assert takes == ["clip 0", "clip 0 1", "clip 0"], "one file opened twice has its clips once"
-    ends = [Player(project, name).at(0.3).turns for name in ("man", "other", "man 2")]
+    ends = [Player(project, name).compute_pose(0.3).turns for name in ("man", "other", "man 2")]
     assert np.abs(ends[1] - ends[0]).max() > 0.01 and np.abs(ends[2] - ends[0]).max() < 1e-9
 
 
@@ -393,11 +393,11 @@ def depth_recording(folder, frames: int):
     from itertools import islice
 
     from enliven.recording import Recorder, Recording
-    from enliven_edge.doctor import shipped_recording
+    from enliven_edge.doctor import find_shipped_recording
 
     path = folder / "person.mcap"
     with Recorder(path) as recorder:
-        for frame in islice(Recording(shipped_recording()).frames(), frames):
+        for frame in islice(Recording(find_shipped_recording()).frames(), frames):
             recorder.write_frame(frame)
     return path
 

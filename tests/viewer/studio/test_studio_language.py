@@ -82,7 +82,7 @@ class Tool:
     def other(self):
         return "not shown"
 """
-    assert {text.value for text in script.displayed_texts(ast.parse(module))} == {
+    assert {text.value for text in script.find_displayed_texts(ast.parse(module))} == {
         *("Only the picture", "A title", "Press me", "Yes", "Keep", "No", "Dark theme", "{0} of all"),
         *("Click it.", "No shape is chosen."),
     }

@@ -114,7 +114,7 @@ def test_locked_character_is_not_picked_and_refuses_edits(workspace) -> None:
     for change in (
         lambda project: move_character(project, "limb", [1.0, 0.0, 0.0]),
         lambda project: rename_character(project, "limb", "arm"),
-        lambda project: project.without("limb"),
+        lambda project: project.drop_character("limb"),
     ):
         assert not editor.edit("change", change) and editor.project is before
     assert "locked" in editor.toasts.shown[-1].text and "lock" in editor.toasts.shown[-1].remedy

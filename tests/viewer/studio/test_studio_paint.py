@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from known_bodies import t_pose
 
-from enliven.deformation.graph.stiffness import painted_stiffness
+from enliven.deformation.graph.stiffness import compute_painted_stiffness
 from enliven.document.project import are_identical
 from enliven.formats.project.file import read_project, write_project
 from enliven.formats.project.one_character import character_bytes, project_of_mesh
@@ -131,7 +131,7 @@ def test_painted_stiffness_is_saved_and_softens_on_stage(workspace, tmp_path):
         data = character_bytes(variant, "man")
         actor = create_uploaded_actor(data, PutCharacter("man", 1, b"x" * 32, len(data), True), settings)
         shown[name] = wave(actor)
-        factors = painted_stiffness(actor.character)
+        factors = compute_painted_stiffness(actor.character)
         assert (factors is None) == (name == "plain")
         if factors is not None:
             rest, soft = actor.graph.positions, factors < 0.5

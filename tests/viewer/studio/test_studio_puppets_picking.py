@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from made_studio_puppets import SIDES, TIPS, project_with, star, vertex
 
 from enliven.document.puppet import ExampleCharacter
-from enliven.examples.puppet_motion import to_world_frame
+from enliven.examples.puppet_motion import convert_to_world_frame
 from enliven.modeling.edits import move_character, turn_character
 from enliven.modeling.puppet.poses import set_symmetry
 from enliven.rotation import from_rotation_vector
@@ -106,7 +106,9 @@ def test_points_are_transformed_into_the_mesh_and_back() -> None:
     editor.edit("away", lambda p: turn_character(move_character(p, "star", [0.6, 0.2, -0.3]), "star", turn))
     standing = editor.puppets.stage_puppets[0]
     assert np.allclose(standing.to_mesh(standing.vertices), star().vertices)
-    assert np.allclose(standing.vertices, to_world_frame(standing.character, standing.state, star().vertices))
+    assert np.allclose(
+        standing.vertices, convert_to_world_frame(standing.character, standing.state, star().vertices)
+    )
     assert np.allclose(standing.handles[0], standing.vertices[vertex("head")])
     assert np.allclose(standing.solved, standing.vertices, atol=1e-6)
 

@@ -214,7 +214,7 @@ def test_click_selects_a_puppet_and_click_outside_deselects(tmp_path) -> None:
 
 def test_a_puppet_is_made_of_a_shape_which_stays(tmp_path, make_limb) -> None:
     workspace, stage = studio(tmp_path)
-    workspace.store.new(workspace.editor.project.without("star").with_characters(make_limb("limb")))
+    workspace.store.new(workspace.editor.project.drop_character("star").with_characters(make_limb("limb")))
     assert workspace.editor.selection.character is None
     play([Key("f"), Wait(1.0), Click(Spot(0.0, 0.8, 0.05)), Key("ctrl+p")], stage)
     puppet = workspace.editor.project.puppets["limb puppet"]

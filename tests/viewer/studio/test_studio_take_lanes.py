@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from made_acting_stage import acting_stage, two_takes
 
 from enliven.document import are_identical
-from enliven.modeling.edits import alternative_takes
+from enliven.modeling.edits import list_alternative_takes
 from enliven_viewer.studio.app.time_axis import END_MARGIN, LABEL_WIDTH, RULER_HEIGHT
 from enliven_viewer.studio.editor.takes import delete_take_row
 from enliven_viewer.studio.features.timeline.layout import (
@@ -49,7 +49,7 @@ def test_a_lane_shows_the_take_that_is_heard_and_opens_to_all(stage: Workspace) 
     other = [bar for bar in timeline.layout.bars() if bar.character.id == "limb"][1]
     timeline.press(4.0, other.top + 4)
     timeline.release(0.0)
-    assert alternative_takes(stage.editor.project, "take 1") == {"take 1": False, "take 2": True}
+    assert list_alternative_takes(stage.editor.project, "take 1") == {"take 1": False, "take 2": True}
     timeline.opened = frozenset()
     assert mine(timeline.layout) == ["take 2"]
 
@@ -62,10 +62,10 @@ def test_takes_are_heard_by_turns_dropped_and_kept(stage: Workspace) -> None:
     editor.select(layer=1)
     assert stage.actions.do("takes.before") and takes.audible_take == "take 1" and editor.selection.layer == 0
     assert stage.actions.do("takes.drop") and mine(stage.state(TimelineInput).layout) == ["take 2"]
-    assert takes.lacks() and not stage.actions.do("takes.drop")
+    assert takes.describe_missing() and not stage.actions.do("takes.drop")
     editor.undo()
     assert stage.actions.do("takes.keep")
-    assert alternative_takes(editor.project, "take 1") == {"take 1": True}
+    assert list_alternative_takes(editor.project, "take 1") == {"take 1": True}
     assert "walk" in editor.project.takes and stage.actions.do("takes.tidy")
     assert set(editor.project.takes) == {"sway", "wave"}
 
@@ -129,7 +129,7 @@ def test_a_take_is_deleted_by_its_row_of_the_list(stage: Workspace) -> None:
     editor.edit("other take", lambda _: before)
     delete_take_row(editor, "wave 2")
     assert (
-        alternative_takes(editor.project, "take 1") == {"take 1": True}
+        list_alternative_takes(editor.project, "take 1") == {"take 1": True}
         and "wave 2" not in editor.project.takes
     )
     editor.undo()

@@ -318,7 +318,7 @@ def test_a_bone_of_the_library_turns_with_the_bones_before_it() -> None:
     def bends(phase: float) -> list[np.ndarray]:
         return [np.array([phase, 0.3 * bone, -0.5 * phase * bone]) for bone in range(1, 4)]
 
-    clip = sample_motions._clip("made", sample_motions._chain(3, 0.2), 0.5, bends)
+    clip = sample_motions._make_clip("made", sample_motions._make_chain(3, 0.2), 0.5, bends)
     for frame, turns in enumerate(clip.turns):
         total = Rotation.identity()
         for bone, bend in enumerate(bends(frame / (len(clip.turns) - 1)), start=1):
@@ -360,7 +360,7 @@ def test_whole_body_is_fitted_in_the_background_and_measured(workspace: Workspac
     tool.source.show(clip.id)
     tool.whole_body.travel = True
     tool.map_whole()
-    workspace.editor.edit("meanwhile", lambda p: p.without("arm"))
+    workspace.editor.edit("meanwhile", lambda p: p.drop_character("arm"))
     editor.background.finish()
     assert editor.history.names == ("meanwhile", "map all of steps"), said(workspace)
     assert set(editor.project.shapes) == {"horse", "limb"} and tool.last_mapping is not None

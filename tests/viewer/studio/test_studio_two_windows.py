@@ -46,7 +46,7 @@ def test_the_last_save_asks_and_writes_nothing(windows, tmp_path: Path) -> None:
     second.ask("save")
     second.save(over=True)
     assert characters(tmp_path / "work.enliven") == ["second", "shared"] and not second.store.dirty
-    first.editor.edit("rename", lambda project: project.without("first"))
+    first.editor.edit("rename", lambda project: project.drop_character("first"))
     first.ask("save")
     assert first.asking == "changed", "and so on, in turn"
 
@@ -68,7 +68,7 @@ def test_save_as_keeps_both(windows, tmp_path: Path, name: str) -> None:
     if not other.exists():
         other.symlink_to(tmp_path / "work.enliven")
     (tmp_path / "work.enliven").write_bytes((tmp_path / "mine.enliven").read_bytes())
-    first.editor.edit("rename", lambda project: project.without("first"))
+    first.editor.edit("rename", lambda project: project.drop_character("first"))
     first.asking = "save as"
     first.finish_file_dialog(other)
     assert first.asking == "changed" and characters(tmp_path / "work.enliven") == ["second", "shared"]
@@ -124,7 +124,7 @@ def test_unchanged_content_asks_no_question(windows, tmp_path: Path) -> None:
     second.ask("save")
     assert second.asking == "" and not second.store.dirty
     path.write_bytes(path.read_bytes())
-    second.editor.edit("rename", lambda project: project.without("second"))
+    second.editor.edit("rename", lambda project: project.drop_character("second"))
     path.unlink()
     second.ask("save")
     assert second.asking == "" and characters(path) == ["shared"]
@@ -137,7 +137,7 @@ def test_equal_edits_in_two_windows_ask_no_question(windows, tmp_path: Path) -> 
     second.continue_waiting_command(discard=True)
     assert are_identical(first.editor.project, second.editor.project)
     for window in windows:
-        window.editor.edit("remove", lambda project: project.without("shared"))
+        window.editor.edit("remove", lambda project: project.drop_character("shared"))
         window.ask("save")
         assert window.asking == "" and not window.store.dirty
 

@@ -147,11 +147,11 @@ def list_network_edges(local: str) -> bool:
 
     The caller then opens the window, which lists the same edges with their camera images. A click connects.
     """
-    from enliven.peers.announcement import missing_discovery_reason
+    from enliven.peers.announcement import find_missing_discovery_reason
     from enliven.peers.edge_browser import answers_locally, describe_edge, find_edges
     from enliven.wire import parse_endpoint
 
-    if answers_locally(parse_endpoint(local)) or missing_discovery_reason():
+    if answers_locally(parse_endpoint(local)) or find_missing_discovery_reason():
         return False
     try:
         edges = find_edges(_SEARCH_S)

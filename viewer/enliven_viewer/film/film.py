@@ -93,7 +93,7 @@ def make_film(
             progress.update(task, description="Filming", completed=second, told=status)
     if sheet:
         subtitle = f"{format_time(studio.count / studio.settings.film.rate)} of sensor time"
-        write_sheet(sheet, studio.tiles.chosen(), studio.settings.film.columns, title, subtitle)
+        write_sheet(sheet, studio.tiles.choose_tiles(), studio.settings.film.columns, title, subtitle)
     length = studio.count / studio.settings.film.rate
     draw_ms = 1000 * studio.draw_seconds / max(studio.count, 1)
     return FilmReport(studio.count, length, writer.codec if writer else "", draw_ms)
@@ -137,11 +137,11 @@ class _Studio:
         view = self._camera.view(aspect)
         self._renderer.draw(scene, view)
         if self._canvas:
-            with self._canvas.over(self._renderer.picture.resolved):
+            with self._canvas.draw_over(self._renderer.picture.resolved):
                 cards = make_cards(scene, view)
                 draw_cards(self._canvas, self.size, self.size[1] / 720, self._text, cards)
                 self._draw_caption(moment, second)
-        picture = self._renderer.picture.raw()
+        picture = self._renderer.picture.read_raw()
         self.count += 1
         self.draw_seconds += time.perf_counter() - started_at
         return picture
@@ -183,7 +183,7 @@ def _iterate_moments(
         if timeline.end_ns > due or (
             (is_stream_over or is_edge_gone) and timeline.end_ns > due - 0.5 * NS_PER_S / rate
         ):
-            moment = timeline.at(due)
+            moment = timeline.find_moment(due)
             assert moment is not None
             yield moment, count / rate
             timeline.drop_before(due)
@@ -199,7 +199,7 @@ def _wait_for_first_moment(feed: FilmSource, document: Document, patience: float
     deadline = time.monotonic() + patience
     while True:
         arrived_count = feed.poll(document)
-        moment = document.timeline.at(document.timeline.end_ns)
+        moment = document.timeline.find_moment(document.timeline.end_ns)
         if moment is not None and document.characters and set(moment.poses) <= set(document.characters):
             return
         if not arrived_count:

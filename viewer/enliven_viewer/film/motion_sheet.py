@@ -21,7 +21,7 @@ from enliven.document import (
     character_of,
     still_shape,
 )
-from enliven.exporters import octahedral_bone_mesh
+from enliven.exporters import make_octahedral_bone_mesh
 from enliven.formats.rig.rig import play_clip
 from enliven.mapping.automatic_mapping import RetargetedShape
 from enliven.motion.layers.evaluate import Player
@@ -104,7 +104,9 @@ def make_performer_row(
         project = project.with_characters(shape.with_changes(travel=None))
     player = Player(project, shape.id)
     return MotionRow(
-        character_of(shape), [player.pose(second) for second in seconds], facing + CAMERA_AZIMUTH
+        character_of(shape),
+        [player.compute_message_pose(second) for second in seconds],
+        facing + CAMERA_AZIMUTH,
     )
 
 
@@ -112,7 +114,9 @@ def _make_model_row(retargeted: RetargetedShape, times: Float) -> MotionRow:
     player = Player(retargeted.project, retargeted.shape_id)
     shape = retargeted.project.shape(retargeted.shape_id)
     return MotionRow(
-        character_of(shape), [player.pose(t) for t in times], retargeted.model_facing + CAMERA_AZIMUTH
+        character_of(shape),
+        [player.compute_message_pose(t) for t in times],
+        retargeted.model_facing + CAMERA_AZIMUTH,
     )
 
 
@@ -122,7 +126,7 @@ def _make_take_row(retargeted: RetargetedShape, times: Float) -> MotionRow:
 
 def make_stick_shape(name: str, skeleton: Skeleton) -> RiggedCharacter:
     """Returns a shape that displays a skeleton: a slender double pyramid for every bone."""
-    mesh, skin = octahedral_bone_mesh(skeleton)
+    mesh, skin = make_octahedral_bone_mesh(skeleton)
     if mesh is not None:
         mesh = replace(
             mesh, name=name, colours=np.tile(np.array(PERFORMER_COLOUR, np.uint8), (len(mesh.vertices), 1))

@@ -93,7 +93,7 @@ def write_project_film(
             strict=True,
         )
     ]
-    points = [_framed_points(scene) for scene in scenes]
+    points = [_list_framed_points(scene) for scene in scenes]
     if not sum(map(len, points)):
         raise InputError("there is nothing to film", where="project", remedy="Add a character or performers.")
     settings = RenderSettings(look=look, shadow_size=_SHADOW_SIZE)
@@ -114,7 +114,7 @@ def _value_per_time(times: Sequence[float], values: Sequence[Any], name: str) ->
     return values if len(values) == len(times) else [*values] * len(times)
 
 
-def _framed_points(scene: Scene) -> Float:
+def _list_framed_points(scene: Scene) -> Float:
     """Returns the points (N, 3) in metres that the camera must show. Loose balls are excluded, because they
     may leave the image.
     """

@@ -49,14 +49,14 @@ class ProjectScenes:
         """Returns a character of a project at a time in seconds, with solved vertex positions."""
         if name not in self._surfaces or self._surfaces[name][0] is not project:
             character = project.character(name)
-            self._surfaces[name] = project, get_rig_edits(character).surface(project, character)
+            self._surfaces[name] = project, get_rig_edits(character).create_surface_player(project, character)
         vertices = self._surfaces[name][1](time)
-        drawn_character = self._drawn_character(project, name, vertices)
+        drawn_character = self._make_drawn_character(project, name, vertices)
         return SceneCharacter(
             drawn_character, drawn_character.rest_pose(), vertices=vertices.astype(np.float32)
         )
 
-    def _drawn_character(self, project: Project, name: str, vertices: Float) -> Character:
+    def _make_drawn_character(self, project: Project, name: str, vertices: Float) -> Character:
         """Returns the :class:`Character` to draw. It is a new object only if the faces of its mesh have
         changed.
         """
@@ -65,11 +65,13 @@ class ProjectScenes:
             raise InputError("it has no mesh", where=f"character {name!r}", remedy="Give it one.")
         drawn_character = self._characters.get(name)
         if drawn_character is None or drawn_character.faces is not mesh.faces:
-            drawn_character = self._characters[name] = _as_character(replace(mesh, vertices=vertices), name)
+            drawn_character = self._characters[name] = _convert_to_character(
+                replace(mesh, vertices=vertices), name
+            )
         return drawn_character
 
 
-def _as_character(mesh: Mesh, name: str) -> Character:
+def _convert_to_character(mesh: Mesh, name: str) -> Character:
     """Returns a mesh as a character with a single transform."""
     count = len(mesh.vertices)
     weights = np.zeros((count, 4), np.float32)

@@ -10,11 +10,11 @@ from enliven.arrays import Float
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document import ExampleCharacter, Project, character_from_puppet
 from enliven.examples.puppet_motion import (
+    convert_to_world_frame,
     evaluate_state,
     loop_position,
     pose_of_state,
     solve_layer_motion,
-    to_world_frame,
 )
 from enliven.skeletons.facing import find_facing
 from enliven_viewer.film.motion_sheet import CAMERA_AZIMUTH, MotionRow, make_performer_row, write_rows
@@ -62,7 +62,7 @@ def _make_puppet_row(project: Project, puppet: ExampleCharacter, times: Float) -
     surface = PuppetSurface(puppet.mesh, held_vertices, weights, puppet.surface)
     states = [evaluate_state(project, puppet, time) for time in times]
     surfaces = [
-        to_world_frame(puppet, state, surface.solve_from_rest(state.places)).astype(np.float32)
+        convert_to_world_frame(puppet, state, surface.solve_from_rest(state.places)).astype(np.float32)
         for state in states
     ]
     poses = [pose_of_state(puppet, state) for state in states]

@@ -67,7 +67,7 @@ class Tiles:
                 self._stride *= 2
         self._seen += 1
 
-    def chosen(self) -> list[Tile]:
+    def choose_tiles(self) -> list[Tile]:
         """Returns the tiles: at most the wanted number, including the first and the last image."""
         count = min(self._wanted, len(self._kept))
         last = len(self._kept) - 1

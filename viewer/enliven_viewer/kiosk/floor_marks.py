@@ -43,7 +43,7 @@ class FloorMark:
         faces = np.concatenate([np.stack([a, a + 1, a + 2], 1), np.stack([a + 2, a + 1, a + 3], 1)])
         self._character = _make_character(name, self._ring_vertices((0.0, 0.0), 0.4, 0.5, 1.0), faces, colour)
 
-    def at(self, place: Place, inner: float, outer: float, fraction: float = 1.0) -> SceneCharacter:
+    def make_mark(self, place: Place, inner: float, outer: float, fraction: float = 1.0) -> SceneCharacter:
         """Returns the mark around a point (x, z) of the floor in metres.
 
         Args:
@@ -83,10 +83,10 @@ class SpotMark:
             pulse: phase of the pulsation, -1..1, which moves the border in and out.
         """
         outer = radius * (1.0 + 0.05 * pulse)
-        marks = [self._border.at(place, 0.93 * outer, outer)]
+        marks = [self._border.make_mark(place, 0.93 * outer, outer)]
         if ring > 0.0:
-            marks.append(self._track.at(place, 0.72 * radius, 0.9 * radius))
-            marks.append(self._filling.at(place, 0.7 * radius, 0.92 * radius, ring))
+            marks.append(self._track.make_mark(place, 0.72 * radius, 0.9 * radius))
+            marks.append(self._filling.make_mark(place, 0.7 * radius, 0.92 * radius, ring))
         return marks
 
 

@@ -56,7 +56,7 @@ class Painter:
         self.captions.advance(frame, seconds)
         if souvenirs is not None:
             souvenirs.advance(frame, self.grab)
-        with self._canvas.over(self._picture):
+        with self._canvas.draw_over(self._picture):
             self.captions.draw(self._canvas, self.size)
             if souvenirs is not None:
                 souvenirs.draw(self._canvas, self.size)

@@ -169,8 +169,8 @@ class TakePerformance:
         self._live.advance(seconds)
         self._shown += seconds
         timeline, actors = self._live.document.timeline, self._live.scene.actors
-        ended = self._live.document.edge.phase == "ended"
-        if ended and (not actors or self._live.playhead.time_ns >= timeline.end_ns):
+        has_ended = self._live.document.edge.phase == "ended"
+        if has_ended and (not actors or self._live.playhead.time_ns >= timeline.end_ns):
             self._live.close()
             return None
         if not actors:
@@ -237,8 +237,8 @@ class PerformanceCycle:
         """Updates the characters of the stage. Starts to prepare new ones in the background."""
         self._characters = characters
         for name, character in characters.items():
-            before = self._prepared.get(name)
-            if character.kind == "graph" and (before is None or before[0] is not character):
+            old_character = self._prepared.get(name)
+            if character.kind == "graph" and (old_character is None or old_character[0] is not character):
                 future = self._background.submit(_prepare_actor, character)
                 self._prepared[name] = character, future
 

@@ -252,8 +252,10 @@ class KioskShow:
         """Widens the view gradually until it shows figures and visitors, within limits."""
         left, right = (self._view.spots[k].place[0] for k in (0, -1))
         reach = [max(left - e[:, 0].min(), e[:, 0].max() - right) for e in extents if np.isfinite(e).all()]
-        wanted = min(max([_MIN_HALF_WIDTH_M, *(r + _VIEW_BORDER_M for r in reach)]), _MAX_HALF_WIDTH_M)
-        self._half_width += (wanted - self._half_width) * -math.expm1(-seconds / _VIEW_TIME_S)
+        wanted_half_width = min(
+            max([_MIN_HALF_WIDTH_M, *(r + _VIEW_BORDER_M for r in reach)]), _MAX_HALF_WIDTH_M
+        )
+        self._half_width += (wanted_half_width - self._half_width) * -math.expm1(-seconds / _VIEW_TIME_S)
 
     def _show_figure(
         self, k: int, act: SpotContent, character: Character, spot: SpotView, seconds: float
@@ -283,7 +285,7 @@ class KioskShow:
         if self._view.phase is not Phase.FAREWELL or body is None:
             return []
         wave = 0.5 + 0.5 * math.sin(2 * math.pi * self._now)
-        return [self._next_mark.at(_find_place(body), 0.26 + 0.06 * wave, 0.32 + 0.06 * wave)]
+        return [self._next_mark.make_mark(_find_place(body), 0.26 + 0.06 * wave, 0.32 + 0.06 * wave)]
 
     def _draw_carousel(self, characters: Mapping[str, Character], seconds: float) -> list[SceneCharacter]:
         """Returns the neighbours of the offered character, while a visitor may choose.

@@ -211,7 +211,7 @@ class SouvenirMaker:
         for side, since_s in enumerate(self._shown_s):
             if now - since_s > self._settings.code:
                 self.codes[side] = None
-        for token, written in [each for each in self._finished if each[1].done()]:
+        for token, written in [code for code in self._finished if code[1].done()]:
             self._finished.remove((token, written))
             try:
                 is_usable = written.result()

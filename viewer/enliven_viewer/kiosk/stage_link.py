@@ -21,7 +21,7 @@ from enliven.space.space_file import load_space
 from enliven.wire import BODIES, CALLS, HOLDS, Done, Possess, Release, Topic
 from enliven_viewer.kiosk.visitor_merge import VisitorMerge
 from enliven_viewer.link.edge_client import EdgeClient
-from enliven_viewer.live.followed_edge import FollowedEdge, shared_performer_id, split_performer_id
+from enliven_viewer.live.followed_edge import FollowedEdge, find_shared_performer_id, split_performer_id
 from enliven_viewer.live.shared_space import SharedSpace
 from enliven_viewer.render.scene import SceneCharacter
 from enliven_viewer.settings import PlaybackSettings
@@ -188,7 +188,7 @@ class KioskLink:
         holders: dict[str, tuple[int, ...]] = {}
         for edge in edges:
             for name, bodies in edge.holders.items():
-                shared = tuple(shared_performer_id(edge.number, body) for body in bodies)
+                shared = tuple(find_shared_performer_id(edge.number, body) for body in bodies)
                 holders[name] = (*holders.get(name, ()), *shared)
         return holders
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.kiosk.visitors import Place
 from enliven.person import Body, Joint
-from enliven_viewer.live.followed_edge import shared_performer_id
+from enliven_viewer.live.followed_edge import find_shared_performer_id
 
 SAME_VISITOR_M = 0.45
 """Bodies of two edges within this distance in metres are the same visitor. It is less than the distance
@@ -38,23 +38,27 @@ class VisitorMerge:
             bodies: the bodies of each edge in the shared space, by the number of the edge.
             holding: the shared ids of the bodies that control a character.
         """
-        edges = {shared_performer_id(n, body.id): n for n, there in bodies.items() for body in there}
+        edges = {
+            find_shared_performer_id(n, body.id): n
+            for n, edge_bodies in bodies.items()
+            for body in edge_bodies
+        }
         shared = {
-            (number := shared_performer_id(n, body.id)): replace(body, id=number)
-            for n, there in bodies.items()
-            for body in there
+            (number := find_shared_performer_id(n, body.id)): replace(body, id=number)
+            for n, edge_bodies in bodies.items()
+            for body in edge_bodies
         }
         order = sorted(shared, key=lambda k: (k not in holding, k not in self._shown, edges[k], k))
-        kept: dict[int, Body] = {}
+        kept_bodies: dict[int, Body] = {}
         hidden: dict[int, int] = {}
         for number in order:
-            double = self._find_double(number, shared, kept, edges, hidden)
+            double = self._find_double(number, shared, kept_bodies, edges, hidden)
             if double is None or number in holding:
-                kept[number] = shared[number]
+                kept_bodies[number] = shared[number]
             else:
                 hidden[number] = double
-        self._shown, self._hidden = set(kept), hidden
-        return dict(sorted(kept.items()))
+        self._shown, self._hidden = set(kept_bodies), hidden
+        return dict(sorted(kept_bodies.items()))
 
     def _find_double(
         self,
@@ -68,18 +72,18 @@ class VisitorMerge:
         none. A kept body has at most one duplicate on each edge. A duplicate of the previous frame has
         priority if it is still close.
         """
-        before = {
+        old_pairs = {
             other: kept_number
             for other, kept_number in self._hidden.items()
             if other != number
             and {other, kept_number} <= bodies.keys()
             and _hip_distance(bodies[other], bodies[kept_number]) <= SAME_VISITOR_M * LEAVING_FACTOR
         }
-        pairs = before | dict(hidden)
-        taken = {kept_number for other, kept_number in pairs.items() if edges[other] == edges[number]}
+        pairs = old_pairs | dict(hidden)
+        taken_numbers = {kept_number for other, kept_number in pairs.items() if edges[other] == edges[number]}
         candidates = []
         for other, body in kept.items():
-            if edges[other] == edges[number] or other in taken:
+            if edges[other] == edges[number] or other in taken_numbers:
                 continue
             was_double = self._hidden.get(number) == other
             distance = _hip_distance(bodies[number], body)

@@ -125,10 +125,10 @@ class KioskWindow:
             seconds: close it after this time.
             after: called after each picture.
         """
-        began = last = time.monotonic()
+        start_s = last = time.monotonic()
         while not self.is_closing and not parent_is_gone():
             now = time.monotonic()
-            if seconds is not None and now - began > seconds:
+            if seconds is not None and now - start_s > seconds:
                 return
             self.draw(min(now - last, _MAX_STEP_S))
             last = now

@@ -535,8 +535,8 @@ class EdgeConnection:
         }
         self._wanted = listed_revisions
         listed_ids = {self._label(self.name, character) for character in self._wanted}
-        for gone in [name for name in self.held if name not in listed_ids]:
-            del self.held[gone]
+        for unlisted_id in [name for name in self.held if name not in listed_ids]:
+            del self.held[unlisted_id]
         self._forget_unlisted(listed_ids)
         self._revisions = {
             name: revision for name, revision in self._revisions.items() if name in listed_revisions
@@ -550,8 +550,8 @@ class EdgeConnection:
         """Removes the newest messages about characters that the edge does not list."""
         for name, newest in self.latest.items():
             if STREAMS[name].is_per_character:
-                for gone in newest.keys() - listed_ids:
-                    newest.forget(gone)
+                for unlisted_id in newest.keys() - listed_ids:
+                    newest.forget(unlisted_id)
 
     def _handle_character(self, answer: Answer | None) -> None:
         """Stores a character and decodes its queued poses. If the new revision is unusable, the old one

@@ -105,8 +105,8 @@ class EdgeFeed:
 
     def _watch_instance(self) -> bool:
         """Detects a restart of the edge and reports it. Returns True after a restart."""
-        before, self._instance = self._instance, self.link.edges[0].instance
-        began_again = before not in (None, self._instance)
+        old_instance, self._instance = self._instance, self.link.edges[0].instance
+        began_again = old_instance not in (None, self._instance)
         if began_again:
             self.frame_clock = FrameClock()
             self.restarted()

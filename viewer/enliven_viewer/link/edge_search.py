@@ -6,7 +6,7 @@ import logging
 import threading
 
 from enliven.errors import EnlivenError
-from enliven.peers.announcement import missing_discovery_reason
+from enliven.peers.announcement import find_missing_discovery_reason
 from enliven.peers.edge_browser import DiscoveredEdge, EdgeBrowser
 from enliven.wire import CameraMessage
 from enliven_viewer.link.camera_glance import CameraGlance
@@ -37,7 +37,7 @@ class EdgeSearch:
     def poll(self) -> None:
         """Starts the search if it has not started yet, and receives camera images. Call once per frame."""
         if self._browser is None and not self.problem:
-            self.problem = missing_discovery_reason()
+            self.problem = find_missing_discovery_reason()
             try:
                 self._browser = None if self.problem else EdgeBrowser()
             except EnlivenError as error:

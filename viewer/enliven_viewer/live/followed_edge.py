@@ -76,7 +76,7 @@ class FollowedEdge:
         self.live.close()
 
 
-def shared_performer_id(edge: int, performer: int) -> int:
+def find_shared_performer_id(edge: int, performer: int) -> int:
     """Returns an id of a performer who is unique among all edges.
 
     Args:
@@ -87,7 +87,8 @@ def shared_performer_id(edge: int, performer: int) -> int:
 
 
 def split_performer_id(shared: int) -> tuple[int, int]:
-    """Returns the number of the edge and the id on that edge: the inverse of :func:`shared_performer_id`."""
+    """Returns the number of the edge and the id on that edge: the inverse of
+    :func:`find_shared_performer_id`."""
     return divmod(shared, PERFORMER_ID_OFFSET)
 
 
@@ -103,7 +104,7 @@ def merge_scenes(scene: Scene, guests: Iterable[FollowedEdge]) -> Scene:
         guest_scene = guest.live.scene
         actors += guest_scene.actors
         bodies += [
-            replace(body, id=shared_performer_id(guest.number, body.id)) for body in guest_scene.bodies
+            replace(body, id=find_shared_performer_id(guest.number, body.id)) for body in guest_scene.bodies
         ]
         boards |= {name: _renumber_board(board, guest.number) for name, board in guest_scene.boards.items()}
     return replace(scene, actors=tuple(actors), bodies=tuple(bodies), boards=boards)
@@ -113,7 +114,7 @@ def _renumber_board(board: MatchList, edge: int) -> MatchList:
     """Returns a match list of another edge with its performer ids replaced by shared ids."""
 
     def renumber(performer: int) -> int:
-        return shared_performer_id(edge, performer) if performer >= 0 else performer
+        return find_shared_performer_id(edge, performer) if performer >= 0 else performer
 
     rows = tuple(replace(row, body=renumber(row.body)) for row in board.rows)
     return replace(board, body=renumber(board.body), rows=rows)

@@ -82,7 +82,7 @@ class LiveStage:
         self.playhead.advance(seconds)
         moment = self.playhead.moment()
         style = self._showing.style(self.style, moment, self.playhead.time_ns / NS_PER_S)
-        self.scene = self._without_next_matches(make_scene(self.document, moment, style, self._surfaces))
+        self.scene = self._remove_next_matches(make_scene(self.document, moment, style, self._surfaces))
         self.numbers.update_performers((*(body.id for body in self.scene.bodies), *self.holding))
 
     @property
@@ -196,7 +196,7 @@ class LiveStage:
         """Closes the feed."""
         self.feed.close()
 
-    def _without_next_matches(self, scene: Scene) -> Scene:
+    def _remove_next_matches(self, scene: Scene) -> Scene:
         """Returns the scene without match candidates on possessed characters.
 
         Older edges send these for the next performer.

@@ -74,6 +74,6 @@ def turn_to_bones(camera: OrbitCamera, scene: Scene) -> None:
     ends = [actor.pose.positions[actor.character.edges].astype(np.float64) for actor in scene.actors]
     vectors = np.concatenate([np.zeros((0, 3)), *(end[:, 1] - end[:, 0] for end in ends)])
     rows = camera.view(1.0).camera_from_world[:3, :3]
-    best = views.best_view(vectors, views.ScreenView(-rows[2], rows[1]))
+    best = views.find_best_view(vectors, views.ScreenView(-rows[2], rows[1]))
     back = -best.direction if best.direction[1] <= 0 else best.direction
     camera.face(math.atan2(back[0], back[2]), math.asin(float(np.clip(back[1], -1.0, 1.0))))

@@ -94,15 +94,15 @@ def blend_props(before: Props | None, after: Props | None, fraction: float, time
     if before is None or after is None:
         return before or after
     nearer, farther = (before, after) if fraction < 0.5 else (after, before)
-    _, nearer_indices, theirs = np.intersect1d(nearer.ids, farther.ids, return_indices=True)
-    step = farther.positions[theirs] - nearer.positions[nearer_indices]
+    _, nearer_indices, farther_indices = np.intersect1d(nearer.ids, farther.ids, return_indices=True)
+    step = farther.positions[farther_indices] - nearer.positions[nearer_indices]
     flown = np.linalg.norm(step, axis=1) <= _MAX_FLIGHT_M
-    nearer_indices, theirs, step = nearer_indices[flown], theirs[flown], step[flown]
+    nearer_indices, farther_indices, step = nearer_indices[flown], farther_indices[flown], step[flown]
     part = min(fraction, 1.0 - fraction)
     positions, rotations = nearer.positions.copy(), nearer.turns.copy()
     positions[nearer_indices] += part * step
     rotations[nearer_indices] = slerp(
-        nearer.turns[nearer_indices], farther.turns[theirs], np.full(len(nearer_indices), part)
+        nearer.turns[nearer_indices], farther.turns[farther_indices], np.full(len(nearer_indices), part)
     )
     return replace(nearer, time_ns=time_ns, positions=positions, turns=rotations)
 

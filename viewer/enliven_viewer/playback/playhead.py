@@ -45,7 +45,7 @@ class Playhead:
 
     def moment(self) -> TimelineMoment | None:
         """Returns the moment to draw now, or None if nothing was received."""
-        return self.timeline.at(self.time_ns)
+        return self.timeline.find_moment(self.time_ns)
 
     def advance(self, seconds: float) -> None:
         """Advances the viewer's clock by ``seconds``."""

@@ -164,7 +164,7 @@ class Timeline:
         self._moments.clear()
         self.generation += 1
 
-    def at(self, time_ns: int) -> TimelineMoment | None:
+    def find_moment(self, time_ns: int) -> TimelineMoment | None:
         """Returns the moment at a time, interpolated between its neighbours. In a gap of the recording,
         returns the nearer neighbour. Outside the timeline, returns the first or last moment. Returns None if
         the timeline is empty.
@@ -175,11 +175,11 @@ class Timeline:
         if right == 0:
             return self._moments[0]
         if right == len(self._moments):
-            return self._complete_moment(len(self._moments) - 1)
+            return self._complete_view_moment(len(self._moments) - 1)
         if self._times[right] == time_ns:
-            return self._complete_moment(right)
-        before, after = self._moments[right - 1], self._moments[right]
-        return self._blend_moments(before, after, time_ns)
+            return self._complete_view_moment(right)
+        previous, following = self._moments[right - 1], self._moments[right]
+        return self._blend_moments(previous, following, time_ns)
 
     def neighbour(self, time_ns: int, step: int) -> int:
         """Returns the time of the moment that is ``step`` moments after (or before) a time. At the ends,
@@ -233,26 +233,26 @@ class Timeline:
             return empty
         # Match lists and bodies arrive later than the poses of the same time. Keep the previous values until
         # then, so that they do not flicker.
-        before = self._moments[index - 1]
-        held_moment = replace(empty, props=self._previous_props(index, time_ns), boards=before.boards)
-        if not self._is_fresh(before.bodies_ns, time_ns):
+        previous = self._moments[index - 1]
+        held_moment = replace(empty, props=self._previous_props(index, time_ns), boards=previous.boards)
+        if not self._is_fresh(previous.bodies_ns, time_ns):
             return held_moment
-        return replace(held_moment, bodies=before.bodies, bodies_ns=before.bodies_ns)
+        return replace(held_moment, bodies=previous.bodies, bodies_ns=previous.bodies_ns)
 
-    def _complete_moment(self, index: int) -> TimelineMoment:
+    def _complete_view_moment(self, index: int) -> TimelineMoment:
         """Returns a moment, completed with the last known poses of the characters that it lacks.
 
         This is needed because poses arrive one character after another.
         """
         moment = self._moments[index]
-        before = self._moments[index - 1] if index else moment
-        missing_poses = {name: pose for name, pose in before.poses.items() if name not in moment.poses}
+        previous = self._moments[index - 1] if index else moment
+        missing_poses = {name: pose for name, pose in previous.poses.items() if name not in moment.poses}
         missing_poses = {
             name: pose for name, pose in missing_poses.items() if self._is_fresh(pose.time_ns, moment.time_ns)
         }
         if not missing_poses:
             return moment
-        characters = {**before.characters, **moment.characters}
+        characters = {**previous.characters, **moment.characters}
         return replace(moment, poses={**missing_poses, **moment.poses}, characters=characters)
 
     def _is_fresh(self, time_ns: int, now_ns: int) -> bool:

@@ -48,9 +48,9 @@ class CameraMoves:
         middle = (box[0] + box[1]) / 2
         if self._subject is None:
             self._subject = middle
-        before = self._subject
-        lag = (before - middle) * math.exp(-seconds / _LAG_S)
+        old_subject = self._subject
+        lag = (old_subject - middle) * math.exp(-seconds / _LAG_S)
         limit = _MAX_LAG_FRACTION * float(np.linalg.norm(box[1] - box[0])) / 2
         lag *= min(limit / max(float(np.linalg.norm(lag)), 1e-9), 1.0)
         self._subject = middle + lag
-        camera.move(self._subject - before)
+        camera.move(self._subject - old_subject)

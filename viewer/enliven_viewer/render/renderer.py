@@ -94,11 +94,11 @@ class Renderer:
     def resize(self, size: Size) -> None:
         """Changes the image size. Sizes without a pixel are ignored (a minimised window)."""
         if size != self.picture.size and size[0] > 0 and size[1] > 0:
-            before, self.picture = self.picture, RenderTarget(self.ctx, size, self.settings.samples)
+            old_picture, self.picture = self.picture, RenderTarget(self.ctx, size, self.settings.samples)
             # use() binds the previous framebuffer once more. So release the previous framebuffer only after
             # use().
             self.picture.drawn.use()
-            before.release()
+            old_picture.release()
 
     def draw(self, scene: Scene, view: CameraView) -> None:
         """Draws a scene into :attr:`picture`, and resolves it."""

@@ -101,7 +101,10 @@ class SouvenirStore:
         """Returns the file of a souvenir, or None if the token is unknown or the souvenir has expired."""
         if not is_token(token):
             return None
-        souvenir = next((each for each in self._list() if tokens_match(token, each.token)), None)
+        souvenir = next(
+            (souvenir_entry for souvenir_entry in self._list() if tokens_match(token, souvenir_entry.token)),
+            None,
+        )
         return None if souvenir is None or self._is_over(souvenir) else souvenir.path
 
     def delete_expired(self) -> int:
@@ -112,16 +115,16 @@ class SouvenirStore:
             The number of souvenirs that are left.
         """
         self._remove_parts()
-        kept = []
+        kept_souvenirs = []
         for souvenir in self._list():
             if self._is_over(souvenir):
                 _remove(souvenir.path)
             else:
-                kept.append(souvenir)
-        kept.sort(key=lambda souvenir: souvenir.end_s, reverse=True)
-        sizes = itertools.accumulate(souvenir.size for souvenir in kept)
+                kept_souvenirs.append(souvenir)
+        kept_souvenirs.sort(key=lambda souvenir: souvenir.end_s, reverse=True)
+        sizes = itertools.accumulate(souvenir.size for souvenir in kept_souvenirs)
         fits = [size <= self._max_bytes and k < MAX_FILES for k, size in enumerate(sizes)]
-        for souvenir, has_room in zip(kept, fits, strict=True):
+        for souvenir, has_room in zip(kept_souvenirs, fits, strict=True):
             if not has_room:
                 _remove(souvenir.path)
         return sum(fits)

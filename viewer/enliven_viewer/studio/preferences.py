@@ -79,14 +79,18 @@ class Preferences:
         self.path = (folder or user_data_folder()) / _FILE_NAME
         self.refusal: EnlivenError | None = None
         self._stored: dict[str, Any] = {}
-        kept = self._read()
-        self.keys, self.recent = dict(kept.keys), list(kept.recent)
-        self.text_size, self.toured, self.tour_step = kept.text_size, kept.toured, max(kept.tour_step, 0)
-        self.less_motion, self.performer = kept.less_motion, kept.performer
-        self.timeline_height = kept.timeline_height
-        set_language(kept.language)
+        stored = self._read()
+        self.keys, self.recent = dict(stored.keys), list(stored.recent)
+        self.text_size, self.toured, self.tour_step = (
+            stored.text_size,
+            stored.toured,
+            max(stored.tour_step, 0),
+        )
+        self.less_motion, self.performer = stored.less_motion, stored.performer
+        self.timeline_height = stored.timeline_height
+        set_language(stored.language)
         self.language = language_in_use()
-        use_theme(kept.theme, kept.colours)
+        use_theme(stored.theme, stored.colours)
         self.theme, self.colours = get_theme()
         self._initial_choices = self._current_choices()
 
@@ -98,9 +102,9 @@ class Preferences:
         # Write unchanged values back exactly, because a later version may have stored values that this
         # version does not know.
         changed = {name: value for name, value in chosen.items() if value != self._initial_choices[name]}
-        kept = {_VERSION_KEY: _VERSION, **chosen, **self._stored, **changed}
+        stored = {_VERSION_KEY: _VERSION, **chosen, **self._stored, **changed}
         try:
-            write_file(self.path, msgspec.json.format(msgspec.json.encode(kept), indent=2))
+            write_file(self.path, msgspec.json.format(msgspec.json.encode(stored), indent=2))
         except ResourceError as error:
             log.warning("preferences cannot be saved: %s", error)
 
@@ -140,10 +144,10 @@ class Preferences:
 
     def _current_choices(self) -> dict[str, Any]:
         """Returns the current choices by their names in the file, as JSON values."""
-        kept = _StoredPreferences(
+        choices = _StoredPreferences(
             **{name: getattr(self, name) for name in _StoredPreferences.__struct_fields__}
         )
-        return dict(msgspec.json.decode(msgspec.json.encode(kept)))
+        return dict(msgspec.json.decode(msgspec.json.encode(choices)))
 
     def _read(self) -> _StoredPreferences:
         if not self.path.exists():
@@ -154,13 +158,13 @@ class Preferences:
             self._refuse_later(stored.get(_VERSION_KEY, _VERSION))
             if self.refusal is not None:
                 return _StoredPreferences()
-            kept = msgspec.json.decode(data, type=_StoredPreferences)
+            stored_values = msgspec.json.decode(data, type=_StoredPreferences)
         except (InputError, OSError, *DECODE_ERRORS) as error:
             log.warning("preferences cannot be read, so their file is renamed: %s", error)
             self._put_aside()
             return _StoredPreferences()
         self._stored = stored
-        return kept
+        return stored_values
 
     def _refuse_later(self, version: Any) -> None:
         """Stores the reason if a file of a later version cannot be used.

@@ -14,10 +14,10 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven.space.space_file import Place, Space, nested_tuples
+from enliven.space.space_file import Place, Space, convert_to_nested_tuples
 from enliven_edge.fusion.calibration.matching import BodyMatch, generate_guesses, match_bodies
 from enliven_edge.fusion.calibration.pose_graph import SensorPlacement, solve_pose_graph
-from enliven_edge.fusion.calibration.quality import Quality, Verdict, evaluate_fit, no_match_quality
+from enliven_edge.fusion.calibration.quality import Quality, Verdict, evaluate_fit, make_no_match_quality
 from enliven_edge.fusion.calibration.refinement import Fit, are_different, refine
 from enliven_edge.fusion.calibration.tracks import BodyStream
 from enliven_edge.fusion.settings import CalibrationSettings
@@ -90,8 +90,8 @@ class Calibration:
         cameras = level_from_camera or {}
         places = {}
         for name, level in self.world_from_sensor.items():
-            camera = nested_tuples(level @ cameras[name]) if name in cameras else None
-            places[name] = Place(nested_tuples(level), camera, self.clock_offset_ns[name])
+            camera = convert_to_nested_tuples(level @ cameras[name]) if name in cameras else None
+            places[name] = Place(convert_to_nested_tuples(level), camera, self.clock_offset_ns[name])
         return Space(places)
 
     @property
@@ -161,7 +161,7 @@ def calibrate_pair(a: BodyStream, b: BodyStream, settings: CalibrationSettings) 
             refined.append((_compute_score(a, b, *final, settings), *final))
     if not refined:
         blind_sensor = next((s.sensor for s in (a, b) if not s.tracks), None)
-        return SensorPair(a.sensor, b.sensor, None, no_match_quality(a.sensor, b.sensor, blind_sensor))
+        return SensorPair(a.sensor, b.sensor, None, make_no_match_quality(a.sensor, b.sensor, blind_sensor))
     refined.sort(key=lambda entry: entry[0])
     score, fit, matches = refined[0]
     equal_fits = [
@@ -209,7 +209,7 @@ def _compute_score(
     """
     times = np.arange(0.0, a.duration + 1e-9, 0.1)
     common_people = np.minimum(_count_people(a, times), _count_people(b, times - fit.lag)).sum()
-    have = min(float(common_people), sum(10 * _shared_duration(m, b, fit.lag) for m in matches))
+    have = min(float(common_people), sum(10 * _measure_shared_duration(m, b, fit.lag) for m in matches))
     if common_people < 1:
         return np.inf
     cost = (have * fit.cost + (common_people - have) * _MISSED_BODY_COST_M) / common_people
@@ -230,7 +230,7 @@ def _count_people(stream: BodyStream, times: Float) -> Float:
     return count
 
 
-def _shared_duration(match: BodyMatch, b: BodyStream, lag: float) -> float:
+def _measure_shared_duration(match: BodyMatch, b: BodyStream, lag: float) -> float:
     """Returns the duration in seconds for which both sensors see the person of a match."""
     times = match.times[_count_people(BodyStream(b.sensor, 0, (match.b,)), match.times - lag) > 0]
     return 0.1 * len(np.unique(np.floor(times / 0.1)))

@@ -61,9 +61,9 @@ def _compute_signals(track: BodyTrack) -> tuple[Float, Float]:
     visible.
     """
     times = np.arange(track.times[0], track.times[-1], 1.0 / _SAMPLE_RATE_HZ)
-    joints, _, confidence = track.at(times, MAX_TRACK_GAP_S)
-    before, _, seen_before = track.at(times - _SPEED_WINDOW_S, MAX_TRACK_GAP_S)
-    hips = joints[:, Joint.HIP_CENTER] - before[:, Joint.HIP_CENTER]
+    joints, _, confidence = track.interpolate(times, MAX_TRACK_GAP_S)
+    past_joints, _, seen_before = track.interpolate(times - _SPEED_WINDOW_S, MAX_TRACK_GAP_S)
+    hips = joints[:, Joint.HIP_CENTER] - past_joints[:, Joint.HIP_CENTER]
     distances = [
         np.linalg.norm(joints[:, left] - joints[:, right], axis=1)
         for left, right in (

@@ -65,8 +65,8 @@ def generate_guesses(
                 continue
             for lag in find_likely_lags(track_a, track_b, settings, known_lag):
                 times = track_a.times[:: max(1, len(track_a.times) // _MAX_FRAMES)]
-                q, _, is_seen_b = track_b.at(times - lag, MAX_TRACK_GAP_S)
-                p, _, is_seen_a = track_a.at(times, MAX_TRACK_GAP_S)
+                q, _, is_seen_b = track_b.interpolate(times - lag, MAX_TRACK_GAP_S)
+                p, _, is_seen_a = track_a.interpolate(times, MAX_TRACK_GAP_S)
                 weights = is_seen_b * is_seen_a
                 is_seen = weights.sum(1) > 0
                 if is_seen.sum() < 3:
@@ -121,10 +121,10 @@ def match_bodies(a: BodyStream, b: BodyStream, a_from_b: Float, lag: float) -> t
     times = np.unique(np.concatenate([t.times for t in a.tracks]))
     distances: list[list[Float]] = []
     for track_a in a.tracks:
-        p, _, seen_a = track_a.at(times, MAX_TRACK_GAP_S)
+        p, _, seen_a = track_a.interpolate(times, MAX_TRACK_GAP_S)
         track_index = []
         for track_b in b.tracks:
-            q, _, seen_b = track_b.at(times - lag, MAX_TRACK_GAP_S)
+            q, _, seen_b = track_b.interpolate(times - lag, MAX_TRACK_GAP_S)
             track_index.append(_trunk_distances(p, transform_points(a_from_b, q), seen_a * seen_b))
         distances.append(track_index)
     assignment = _assign(np.array(distances))

@@ -117,7 +117,7 @@ def evaluate_fit(
     )  # fmt: skip
 
 
-def no_match_quality(a: str, b: str, blind: str | None) -> Quality:
+def make_no_match_quality(a: str, b: str, blind: str | None) -> Quality:
     """Returns the quality if both sensors never saw the same person.
 
     Args:
@@ -148,7 +148,7 @@ def _estimate_uncertainty(
     edges = np.quantile(fit.times, np.linspace(0.0, 1.0, _JACKKNIFE_BLOCKS + 1))[1:-1]
     spread = np.maximum(
         _jackknife(fit, matches, [np.digitize(m.times, edges) for m in matches], settings),
-        _jackknife(fit, matches, [_facing_octants(m) for m in matches], settings),
+        _jackknife(fit, matches, [_compute_facing_octants(m) for m in matches], settings),
     )
     direction = max(float(np.linalg.norm(formal[:3])), float(spread[1]))
     position = float(np.hypot(max(float(np.linalg.norm(formal[3:6])), float(spread[0])), direction * radius))
@@ -186,9 +186,9 @@ def _jackknife(
     return np.asarray(np.sqrt(own_blocks * (np.array(changes) ** 2).sum(0)))
 
 
-def _facing_octants(match: BodyMatch) -> Int:
+def _compute_facing_octants(match: BodyMatch) -> Int:
     """Returns the person's facing direction (N,) as seen by the first sensor, one of eight."""
-    joints, _, _ = match.a.at(match.times, MAX_TRACK_GAP_S)
+    joints, _, _ = match.a.interpolate(match.times, MAX_TRACK_GAP_S)
     left_axis = joints[:, _LEFTS].mean(1) - joints[:, _RIGHTS].mean(1)
     angles = np.arctan2(left_axis[:, 2], left_axis[:, 0]) / (2 * np.pi)
     return np.asarray(np.floor(_JACKKNIFE_BLOCKS * (angles % 1.0)).clip(0, _JACKKNIFE_BLOCKS - 1), np.int64)

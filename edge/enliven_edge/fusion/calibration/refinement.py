@@ -98,7 +98,7 @@ def refine(
     """Refines a first guess. Returns None if both never see the same body simultaneously."""
     stride = max(1, sum(len(m.times) for m in matches) // frames)
     thinned = [BodyMatch(m.a, m.b, m.times[::stride]) for m in matches]
-    joints_of_a = [match.a.at(match.times, MAX_TRACK_GAP_S) for match in thinned]
+    joints_of_a = [match.a.interpolate(match.times, MAX_TRACK_GAP_S) for match in thinned]
     fit = None
     for _ in range(steps):
         samples = _sample_joints(thinned, joints_of_a, a_from_b, lag)
@@ -138,7 +138,7 @@ def _sample_joints(
     """
     samples = []
     for match, (p, _, seen_a) in zip(matches, joints_of_a, strict=True):
-        q, velocity, seen_b = match.b.at(match.times - lag, MAX_TRACK_GAP_S)
+        q, velocity, seen_b = match.b.interpolate(match.times - lag, MAX_TRACK_GAP_S)
         swapped = _find_swapped(
             match.times, p, transform_points(a_from_b, q), seen_a, seen_b, _ROBUST_WIDTH_M
         )

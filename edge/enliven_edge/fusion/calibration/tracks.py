@@ -39,7 +39,7 @@ class BodyTrack:
     joints: Float
     confidence: Float
 
-    def at(self, times: Float, longest_gap: float) -> tuple[Float, Float, Float]:
+    def interpolate(self, times: Float, longest_gap: float) -> tuple[Float, Float, Float]:
         """Returns joints (N, 20, 3), velocities (N, 20, 3) m/s and confidence (N, 20) at times (N,).
 
         It interpolates linearly between neighbouring frames. The confidence is 0 if these frames are farther
@@ -51,14 +51,14 @@ class BodyTrack:
             zeros = np.zeros((len(times), 20, 3))
             return zeros, zeros, zeros[..., 0]
         after = np.clip(np.searchsorted(self.times, times, side="right"), 1, len(self.times) - 1)
-        before = after - 1
-        step = self.times[after] - self.times[before]
-        fraction = (times - self.times[before]) / step
+        previous = after - 1
+        step = self.times[after] - self.times[previous]
+        fraction = (times - self.times[previous]) / step
         is_between = (fraction >= -1e-9) & (fraction <= 1 + 1e-9) & (step <= longest_gap)
         fraction = np.clip(fraction, 0.0, 1.0)[:, None, None]
-        start, change = self.joints[before], self.joints[after] - self.joints[before]
-        confidence = np.minimum(self.confidence[before], self.confidence[after]) * is_between[:, None]
-        return start + fraction * change, self._velocities[before], confidence
+        start, change = self.joints[previous], self.joints[after] - self.joints[previous]
+        confidence = np.minimum(self.confidence[previous], self.confidence[after]) * is_between[:, None]
+        return start + fraction * change, self._velocities[previous], confidence
 
     @cached_property
     def step(self) -> float:
@@ -74,8 +74,8 @@ class BodyTrack:
         fit with such velocities would converge to halfway between frames, where interpolation suppresses most
         noise.
         """
-        before = np.arange(len(self.times) - 1)
-        early, late = np.maximum(before - 1, 0), np.minimum(before + 2, len(self.times) - 1)
+        previous = np.arange(len(self.times) - 1)
+        early, late = np.maximum(previous - 1, 0), np.minimum(previous + 2, len(self.times) - 1)
         seconds = self.times[late] - self.times[early]
         return np.asarray((self.joints[late] - self.joints[early]) / seconds[:, None, None])
 

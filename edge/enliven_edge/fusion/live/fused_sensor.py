@@ -158,7 +158,7 @@ class FusedSensors(Sensor):
         live_threads = [w for w in self._threads if w.seen and not w.recorded]
         recordings = [w for w in self._threads if w.recorded and w.name not in self._gone]
         candidates = live_threads + (recordings if all(w.seen for w in recordings) else [])
-        return min(candidates, key=lambda w: self._to_common_clock(w.seen[0]), default=None)
+        return min(candidates, key=lambda w: self._convert_to_common_clock(w.seen[0]), default=None)
 
     def _report_ended(self) -> None:
         """Reports sensors that have ended to the fuser, once all their bodies have been fused."""
@@ -177,7 +177,7 @@ class FusedSensors(Sensor):
         """Passes a sensor's bodies to the fuser. Returns the fused bodies when they are due."""
         if not next(w.recorded for w in self._threads if w.name == sensor_bodies.sensor):
             self._clocks.record_arrival(sensor_bodies.sensor, sensor_bodies.time_ns, sensor_bodies.read_ns)
-        time_ns = self._to_common_clock(sensor_bodies)
+        time_ns = self._convert_to_common_clock(sensor_bodies)
         self.fuser.update(sensor_bodies.sensor, sensor_bodies.bodies, time_ns, frozen=sensor_bodies.frozen)
         self._now_ns = max(self._now_ns, time_ns)
         is_due = self._schedule_retry.is_due(sensor_bodies.sensor, time_ns)
@@ -185,7 +185,7 @@ class FusedSensors(Sensor):
         self._log_warnings()
         return BodyFrame(bodies, time_ns, self.name, self._camera, sensor_bodies.read_ns) if is_due else None
 
-    def _to_common_clock(self, sensor_bodies: SensorBodies) -> int:
+    def _convert_to_common_clock(self, sensor_bodies: SensorBodies) -> int:
         return sensor_bodies.time_ns + self._clocks.shift(sensor_bodies.sensor)
 
     def _log_warnings(self, reason: str = "") -> None:

@@ -113,12 +113,12 @@ class Fuser:
         for number, group in enumerate(groups):
             person = people_by_group.get(number)
             if person is None:
-                person = self._new_person(group)
+                person = self._add_person(group)
                 self.people.append(person)
             recognised_people.append((group, person))
         return recognised_people
 
-    def _new_person(self, group: Group) -> FusedPerson:
+    def _add_person(self, group: Group) -> FusedPerson:
         """Returns a new person, or an earlier one that has returned if the sensors of the group agree on its
         identity.
         """
@@ -194,13 +194,13 @@ class Fuser:
             displacement = trunk - other_trunk
             view = self.views[number]
             view.displacement_m = view.displacement_m + gain * (displacement - view.displacement_m)
-            before = view.state
+            old_state = view.state
             far = float(view.displacement_m @ view.displacement_m) ** 0.5
-            if before is SensorState.LIVE and far > _MOVED_SENSOR_M:
+            if old_state is SensorState.LIVE and far > _MOVED_SENSOR_M:
                 view.state = SensorState.MOVED
-            elif before is SensorState.MOVED and far < 0.5 * _MOVED_SENSOR_M:
+            elif old_state is SensorState.MOVED and far < 0.5 * _MOVED_SENSOR_M:
                 view.state = SensorState.LIVE
-            self._add_warning(view, before, time_ns)
+            self._add_warning(view, old_state, time_ns)
 
     def _add_warning(self, view: SensorView, old_state: SensorState, time_ns: int) -> None:
         """Adds a warning about a change of state. The first frame of a sensor gives no warning."""
@@ -233,11 +233,11 @@ def warm_up_fusion() -> None:
     for n in range(3):
         for sensor in ("a", "b"):
             fuser.update(
-                sensor, [Body(1, standing_person() + 1e-3 * n, np.ones(20), rotations)], n * 33_333_333
+                sensor, [Body(1, make_standing_person() + 1e-3 * n, np.ones(20), rotations)], n * 33_333_333
             )
         fuser.bodies(n * 33_333_333)
 
 
-def standing_person() -> Float:
+def make_standing_person() -> Float:
     """Returns the joints (20, 3) in metres of a standing person."""
     return Posture(np.array([0.0, 0.95, -2.0]), standing_pose(elbow=0.5), lengths_for_height(1.75)).joints()

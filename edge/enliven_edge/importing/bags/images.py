@@ -39,10 +39,10 @@ def read_image(fields: Fields) -> UInt16:
         raise InputError(problem, where=fields.where, remedy="Record again with 16-bit depth (Y16).")
     shape = 0 < width <= _MAX_IMAGE_SIDE_PX and 0 < height <= _MAX_IMAGE_SIDE_PX
     if not shape or step < 2 * width or len(pixels) != step * height:
-        raise fields.damaged()
+        raise fields.make_damage_error()
     rows = np.frombuffer(pixels, ">u2" if byte_order else "<u2")[: height * (step // 2)]
     if step % 2:
-        raise fields.damaged()
+        raise fields.make_damage_error()
     return rows.reshape(height, step // 2)[:, :width].astype(np.uint16)
 
 
@@ -57,13 +57,13 @@ def read_compressed_image(fields: Fields) -> UInt16:
     try:
         with Image.open(io.BytesIO(is_compressed_depth), formats=["PNG"]) as image:
             if max(image.size) > _MAX_IMAGE_SIDE_PX or not image.mode.startswith("I"):
-                raise fields.damaged()
+                raise fields.make_damage_error()
             return np.asarray(image).astype(np.uint16)
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-        raise fields.damaged() from None
+        raise fields.make_damage_error() from None
 
 
-def to_millimetres(depth: UInt16, millimetres: float) -> UInt16:
+def convert_to_millimetres(depth: UInt16, millimetres: float) -> UInt16:
     """Converts depths in steps of ``millimetres`` to millimetres, rounded."""
     if millimetres == 1.0:
         return depth

@@ -21,9 +21,9 @@ from enliven.frames import DepthFrame
 from enliven_edge.importing.bags.images import (
     check_step,
     check_time,
+    convert_to_millimetres,
     intrinsics_from_lens,
     read_image,
-    to_millimetres,
     undistortion_map,
 )
 from enliven_edge.importing.bags.ros1 import Fields, messages
@@ -102,7 +102,7 @@ def frames(path: Path, device: str | None) -> Iterator[DepthFrame]:
         if contents.places is not None and depth.size == contents.places.size:
             depth = np.append(depth.ravel(), np.uint16(0))[contents.places].reshape(depth.shape)
         time_ns = check_time(1000 * time_us, fields.where)
-        yield DepthFrame(to_millimetres(depth, step), contents.camera, time_ns, name, sequence=number)
+        yield DepthFrame(convert_to_millimetres(depth, step), contents.camera, time_ns, name, sequence=number)
 
 
 def check_playback(path: Path) -> None:

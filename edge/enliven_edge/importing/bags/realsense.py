@@ -13,10 +13,10 @@ from enliven.frames import DepthFrame
 from enliven_edge.importing.bags.images import (
     check_step,
     check_time,
+    convert_to_millimetres,
     intrinsics_from_lens,
     read_compressed_image,
     read_image,
-    to_millimetres,
 )
 from enliven_edge.importing.bags.ros1 import AlignedFields, Fields, Message
 
@@ -79,7 +79,7 @@ def _read_frame(topic: str, fields: Fields, camera: Intrinsics, step: float, nam
     fields.text()
     depth = read_compressed_image(fields) if topic.endswith("/compressedDepth") else read_image(fields)
     time_ns = int(seconds) * 1_000_000_000 + int(rest)
-    return DepthFrame(to_millimetres(depth, step), camera, time_ns, name, sequence=number)
+    return DepthFrame(convert_to_millimetres(depth, step), camera, time_ns, name, sequence=number)
 
 
 def _add_number(frame: DepthFrame, fields: dict[str, str]) -> DepthFrame:
@@ -143,7 +143,7 @@ def _parse_camera_text(fields: Fields) -> Intrinsics:
     except (KeyError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise fields.damaged() from None
+        raise fields.make_damage_error() from None
 
 
 def _depth_step_mm(fields: Fields) -> float:
@@ -151,7 +151,7 @@ def _depth_step_mm(fields: Fields) -> float:
     try:
         metres = float(fields.text() if isinstance(fields, AlignedFields) else fields.number("f"))
     except ValueError:
-        raise fields.damaged() from None
+        raise fields.make_damage_error() from None
     return check_step(1e3 * metres, fields.where)
 
 

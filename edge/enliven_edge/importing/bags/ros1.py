@@ -53,21 +53,21 @@ class Fields:
         """Reads the next string."""
         size = self.count()
         if size > _MAX_TEXT_BYTES:
-            raise self.damaged()
+            raise self.make_damage_error()
         return self._read_bytes(size).decode("utf-8", errors="replace")
 
     def block(self) -> bytes:
         """Reads the next block of bytes, which is preceded by its size."""
         return self._read_bytes(self.count())
 
-    def damaged(self) -> InputError:
+    def make_damage_error(self) -> InputError:
         """Returns the error for a message with impossible content."""
         return InputError("a message is damaged", where=self.where, remedy="Copy the recording again.")
 
     def _read_bytes(self, size: int) -> bytes:
         data = self._data[self._offset : self._offset + size]
         if len(data) != size:
-            raise self.damaged()
+            raise self.make_damage_error()
         self._offset += size
         return data
 
@@ -79,7 +79,7 @@ class AlignedFields(Fields):
     def __init__(self, data: bytes, where: str) -> None:
         super().__init__(data[4:], where)
         if data[:2] != b"\0\1":
-            raise self.damaged()
+            raise self.make_damage_error()
 
     def numbers(self, kinds: str) -> tuple[float, ...]:
         values: list[float] = []
@@ -181,7 +181,7 @@ def _decompress(header: dict[bytes, bytes], compressed: bytes, path: Path) -> by
         int.from_bytes(header.get(b"size", b"")[:4], "little"),
     )
     if size > _MAX_CHUNK_BYTES:
-        raise _too_large_error(size, path)
+        raise _make_too_large_error(size, path)
     try:
         match compression:
             case b"none":
@@ -247,7 +247,7 @@ def _read_sized(file: BinaryIO, max_bytes: int, path: Path) -> bytes:
     if size > os.fstat(file.fileno()).st_size - file.tell():
         raise _cut_off_error(file.tell(), path)
     if size > max_bytes:
-        raise _too_large_error(size, path)
+        raise _make_too_large_error(size, path)
     return file.read(size)
 
 
@@ -257,7 +257,7 @@ def _cut_off_error(offset: int, path: Path) -> InputError:
     )
 
 
-def _too_large_error(size: int, path: Path) -> InputError:
+def _make_too_large_error(size: int, path: Path) -> InputError:
     return InputError(
         f"a record has {size} bytes; no depth camera writes records of this size",
         where=str(path),

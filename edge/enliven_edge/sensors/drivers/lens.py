@@ -57,7 +57,7 @@ def choose_intrinsics(
     if min(fx, fy) >= _MIN_FOCAL_LENGTH_PX:
         return Intrinsics(width, height, fx, fy, cx, cy), True
     full = typical_camera(profile).camera
-    typical = full.scaled(width / full.width)
+    typical = full.scale(width / full.width)
     if typical.height != height:
         size = f"{typical.width}x{typical.height}"
         problem = (

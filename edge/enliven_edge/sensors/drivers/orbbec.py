@@ -138,23 +138,23 @@ class OrbbecSensor(Sensor):
         device_info = device.get_device_info()
         serial, self._uid = device_info.get_serial_number(), device_info.get_uid()
         self.name, self.again = f"orbbec {serial}", {"before": serial}
-        self._context.set_device_changed_callback(self._on_devices_changed)
+        self._context.set_device_changed_callback(self._handle_changed_devices)
         return device
 
-    def _on_devices_changed(self, removed: Any, _added: Any) -> None:
+    def _handle_changed_devices(self, removed: Any, _added: Any) -> None:
         """Records that this camera was unplugged. Called by the library on its own thread."""
-        gone = [removed.get_device_uid_by_index(i) for i in range(len(removed))]
-        self._is_unplugged = self._is_unplugged or self._uid in gone
+        removed_ids = [removed.get_device_uid_by_index(i) for i in range(len(removed))]
+        self._is_unplugged = self._is_unplugged or self._uid in removed_ids
 
     def _play_next(self) -> None:
         """Uses the next part of a recording as the camera."""
         self._stop()
         self._device, self._shift_ns = self._left.pop(0)
         self._part += 1
-        self._device.set_playback_status_change_callback(partial(self._on_part_ended, self._part))
+        self._device.set_playback_status_change_callback(partial(self._handle_ended_part, self._part))
         self._prepare(*self._settings)
 
-    def _on_part_ended(self, part: int, status: Any) -> None:
+    def _handle_ended_part(self, part: int, status: Any) -> None:
         """Records that a part has ended. Called by the library on its own thread."""
         if status == self._ob.OBPlaybackStatus.STOPPED:
             self._played_parts = part
@@ -204,18 +204,18 @@ class OrbbecSensor(Sensor):
             profile = sensor.get_stream_profile_list()[0]
             level = profile.get_extrinsic_to(self._stream)
             self._level = np.array(level.rot, dtype=float).reshape(3, 3)
-            sensor.start(profile, self._on_acceleration)
+            sensor.start(profile, self._handle_acceleration)
             self._accelerometer = sensor
 
     def _stop(self) -> None:
-        for each in (self._accelerometer, self._pipeline):
-            if each is not None and self._started:
+        for part in (self._accelerometer, self._pipeline):
+            if part is not None and self._started:
                 with contextlib.suppress(self._ob.OBError):
-                    each.stop()
+                    part.stop()
         self._accelerometer = self._pipeline = None
         self._started = False
 
-    def _on_acceleration(self, frame: Any) -> None:
+    def _handle_acceleration(self, frame: Any) -> None:
         """Stores a reading of the accelerometer. Called by the library on its own thread."""
         acceleration = frame.as_accel_frame()
         self._accelerations.append((acceleration.get_x(), acceleration.get_y(), acceleration.get_z()))

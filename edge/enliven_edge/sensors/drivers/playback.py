@@ -23,7 +23,7 @@ from enliven.errors import InputError
 from enliven.files import TemporaryFolder
 from enliven.frames import DepthFrame, Frame
 from enliven_edge.sensors.base import SensorFault
-from enliven_edge.sensors.drivers.refusals import one_line_message
+from enliven_edge.sensors.drivers.refusals import make_one_line_message
 from enliven_edge.sensors.replay import ReplaySensor
 
 log = logging.getLogger(__name__)
@@ -95,8 +95,8 @@ def write_playback(recording: str, path: Path) -> list[Playback]:
             _depth_images(sensor, recording), lambda frame: frame.intrinsics
         ):
             name = path.with_stem(f"{path.stem}-{len(parts) + 1}") if parts else path
-            before = sum(part.images for part in parts)
-            parts.append(_write(name, camera, round(sensor.fps or 30.0), frames, before))
+            image_count = sum(part.images for part in parts)
+            parts.append(_write(name, camera, round(sensor.fps or 30.0), frames, image_count))
     if not parts:
         raise InputError(
             "the recording contains no depth images",
@@ -119,12 +119,12 @@ def _write(
             time_us = (frame.time_ns - shift_ns) // 1000
             bag.write([("image", time_us, _image_message(frame.depth, time_us, image_offset + images))])
             images += 1
-        about = {
+        topics = {
             "device": _device_message(),
             "stream": _stream_message(camera, fps),
             "property": _property_message(0, struct.pack("<d", _FILE_VERSION)),
         }
-        bag.write([(kind, BEGINNING_US, data) for kind, data in about.items()])
+        bag.write([(kind, BEGINNING_US, data) for kind, data in topics.items()])
     return Playback(path, images, shift_ns)
 
 
@@ -156,7 +156,7 @@ class _Bag:
 
     def __init__(self, path: Path) -> None:
         self._file: BinaryIO = path.open("wb")
-        self._file.write(b"#ROSBAG V2.0\n" + _first_record(0, 0, 0))
+        self._file.write(b"#ROSBAG V2.0\n" + _make_first_record(0, 0, 0))
         self._connections: dict[str, bytes] = {}
         self._chunks: list[bytes] = []
 
@@ -169,42 +169,42 @@ class _Bag:
         end = self._file.tell()
         self._file.write(b"".join([*self._connections.values(), *self._chunks]))
         self._file.seek(len(b"#ROSBAG V2.0\n"))
-        self._file.write(_first_record(end, len(self._connections), len(self._chunks)))
+        self._file.write(_make_first_record(end, len(self._connections), len(self._chunks)))
         self._file.close()
 
     def write(self, messages: list[tuple[str, int, bytes]]) -> None:
         """Writes one chunk of messages: for each its kind, time in microseconds and content."""
-        body, where = b"", dict[int, list[bytes]]()
+        body, offsets = b"", dict[int, list[bytes]]()
         for kind, time_us, content in messages:
             if kind not in self._connections:
                 self._connections[kind] = _connection(len(self._connections), *_TOPICS[kind])
                 body += self._connections[kind]
             number = list(self._connections).index(kind)
-            where.setdefault(number, []).append(_time(time_us) + struct.pack("<I", len(body)))
+            offsets.setdefault(number, []).append(_time(time_us) + struct.pack("<I", len(body)))
             fields = {"conn": struct.pack("<I", number), "time": _time(time_us)}
             body += _record(_OP_MESSAGE, fields, content)
         position = self._file.tell()
         size = struct.pack("<I", len(body))
         self._file.write(_record(_OP_CHUNK, {"compression": b"none", "size": size}, body))
-        for number, entries in where.items():
+        for number, entries in offsets.items():
             fields = _numbers(ver=1, conn=number, count=len(entries))
             self._file.write(_record(_OP_INDEX, fields, b"".join(entries)))
         times = [time_us for _, time_us, _ in messages]
-        fields = _numbers(ver=1, count=len(where)) | {"chunk_pos": struct.pack("<Q", position)}
+        fields = _numbers(ver=1, count=len(offsets)) | {"chunk_pos": struct.pack("<Q", position)}
         fields |= {"start_time": _time(min(times)), "end_time": _time(max(times))}
-        counts = b"".join(struct.pack("<II", number, len(entries)) for number, entries in where.items())
+        counts = b"".join(struct.pack("<II", number, len(entries)) for number, entries in offsets.items())
         self._chunks.append(_record(_OP_CHUNK_INFO, fields, counts))
 
 
-def _first_record(index: int, connections: int, chunks: int) -> bytes:
+def _make_first_record(index: int, connections: int, chunks: int) -> bytes:
     fields = {"index_pos": struct.pack("<Q", index)} | _numbers(conn_count=connections, chunk_count=chunks)
     bare = len(_record(_OP_HEADER, fields, b""))
     return _record(_OP_HEADER, fields, b" " * (_HEADER_SIZE - bare))
 
 
 def _connection(number: int, topic: str, kind: str, checksum: str) -> bytes:
-    about = {"topic": topic, "type": kind, "md5sum": checksum, "message_definition": ""}
-    content = _fields({key: value.encode() for key, value in about.items()})
+    fields = {"topic": topic, "type": kind, "md5sum": checksum, "message_definition": ""}
+    content = _fields({key: value.encode() for key, value in fields.items()})
     return _record(_OP_CONNECTION, _numbers(conn=number) | {"topic": topic.encode()}, content)
 
 
@@ -251,7 +251,7 @@ def _device_message() -> bytes:
     vendor, product, name = _CAMERA
     serial, link = b"rehearsal", b"USB3.0"
     text = [name, name, b"", b"rehearsal", serial, b"1.2.8", b"1.0", b"2.0.0", link]
-    words = [_with_size(each) for each in text]
+    words = [_with_size(word) for word in text]
     words.insert(3, struct.pack("<HH", vendor, product))
     return _ros_header() + b"".join(words) + struct.pack("<HB", 0, 0) + 2 * _with_size(b"")
 
@@ -298,5 +298,5 @@ def playbacks(ob: Any, path: str) -> list[tuple[Any, int]]:
         try:
             return [(ob.PlaybackDevice(str(file)), shift_ns) for file, shift_ns in files]
         except ob.OBError as error:
-            problem = f"Orbbec's library cannot play the recording ({one_line_message(error)})"
+            problem = f"Orbbec's library cannot play the recording ({make_one_line_message(error)})"
             raise InputError(problem, where=path) from None

@@ -180,8 +180,8 @@ class RealSenseSensor(Sensor):
         self._held, seconds = image, 1e-3 * image.get_timestamp()
         size = width, height = image.get_width(), image.get_height()
         # A software device does not report the size of its data.
-        there = image.get_data_size() or 2 * width * height
-        if image.get_stride_in_bytes() != 2 * width or there < 2 * width * height:
+        byte_count = image.get_data_size() or 2 * width * height
+        if image.get_stride_in_bytes() != 2 * width or byte_count < 2 * width * height:
             raise InputError(f"an image has fewer than {width}x{height} pixels", where=self.name)
         if not math.isfinite(seconds):
             raise InputError(f"the camera sent an image with the invalid time {seconds}", where=self.name)

@@ -39,10 +39,10 @@ def depth_mode(rs: Any, sensor: Any, mode: tuple[int, int, int], name: str) -> A
         InputError: if no such mode exists. The message lists the nearest ones.
     """
     modes = {}
-    for each in sensor.get_stream_profiles():
-        if each.stream_type() == rs.stream.depth and each.format() == rs.format.z16:
-            video = each.as_video_stream_profile()
-            modes[video.width(), video.height(), each.fps()] = video
+    for profile in sensor.get_stream_profiles():
+        if profile.stream_type() == rs.stream.depth and profile.format() == rs.format.z16:
+            video = profile.as_video_stream_profile()
+            modes[video.width(), video.height(), profile.fps()] = video
     if mode not in modes:
         near = sorted(modes, key=lambda m: sum(abs(a - b) for a, b in zip(m, mode, strict=True)))
         alternatives = ", ".join(f"{w}x{h} at {fps}" for w, h, fps in near[:_MODES_SHOWN])
@@ -126,8 +126,8 @@ class AlignedColour:
         """Returns the colour image at a time in milliseconds. A newer image waits for its depth."""
         while True:
             if self._waiting is None:
-                there, self._waiting = self.queue.try_wait_for_frame(_MAX_COLOUR_WAIT_MS)
-                if not there:
+                has_frame, self._waiting = self.queue.try_wait_for_frame(_MAX_COLOUR_WAIT_MS)
+                if not has_frame:
                     self._waiting = None
                     return None
             apart = self._waiting.get_timestamp() - time
@@ -149,9 +149,9 @@ def find_colour_mode(rs: Any, device: Any, size: tuple[int, int], fps: float, na
     """
     candidates = []
     for sensor in device.query_sensors():
-        for each in sensor.get_stream_profiles():
-            if each.stream_type() == rs.stream.color and each.format() == rs.format.rgb8:
-                video = each.as_video_stream_profile()
+        for profile in sensor.get_stream_profiles():
+            if profile.stream_type() == rs.stream.color and profile.format() == rs.format.rgb8:
+                video = profile.as_video_stream_profile()
                 if round(video.fps()) == round(fps) and not sensor.is_depth_sensor():
                     difference = abs(video.width() - size[0]) + abs(video.height() - size[1])
                     candidates.append((difference, sensor, video))

@@ -27,7 +27,9 @@ REHEARSE = (
 def _read() -> dict[str, tuple[tuple[str, Sentence], ...]]:
     """Returns the table of the file: message parts and sentences by sensor, and for "system"."""
     table = tomllib.loads(files(__package__).joinpath("refusals.toml").read_text("utf-8"))
-    sentences = {name: (each["what"], each["remedy"]) for name, each in table.pop("sentences").items()}
+    sentences = {
+        name: (sentence["what"], sentence["remedy"]) for name, sentence in table.pop("sentences").items()
+    }
     sentences["not allowed"] = (FORBIDDEN, ALLOW)
     return {
         sensor: tuple((piece, sentences[name]) for piece, name in names_by_piece.items())
@@ -51,7 +53,7 @@ def convert_error(sensor: str, error: Exception, where: str = "", rehearsed: boo
         where: the device, if it is known.
         rehearsed: True if a recording is played. The cause is then no cable, port or other program.
     """
-    message, where = one_line_message(error), where or f"sensor {sensor}"
+    message, where = make_one_line_message(error), where or f"sensor {sensor}"
     if rehearsed:
         return ResourceError(
             f"the library of the camera cannot play the recording ({message})", where=where, remedy=REHEARSE
@@ -66,7 +68,7 @@ def convert_error(sensor: str, error: Exception, where: str = "", rehearsed: boo
     )
 
 
-def one_line_message(error: Exception) -> str:
+def make_one_line_message(error: Exception) -> str:
     """Returns the message of an error in one line, without a full stop."""
     return " ".join(str(error).split()).rstrip(".") or "the reason is unknown"
 
@@ -92,7 +94,7 @@ def choose_device(
         ResourceError: if it is missing, or there are several and none was named.
     """
     if not devices:
-        raise _missing_device_error(
+        raise _make_missing_device_error(
             sensor, f"{common_name} called {requested_name}" if requested_name else common_name
         )
     if requested_name:
@@ -113,7 +115,7 @@ def choose_device(
     return devices.get(last_name) or next(iter(devices.values()))
 
 
-def _missing_device_error(sensor: str, which: str) -> ResourceError:
+def _make_missing_device_error(sensor: str, which: str) -> ResourceError:
     """Returns the error for the case that a library finds no device, with details that the system reports."""
     where = f"sensor {sensor}"
     for camera in list_attached():

@@ -105,10 +105,10 @@ class TofSensor(Sensor):
             self._open(device, range)
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        over = self._driver_replay is not None and self._driver_replay.is_over()
+        is_over = self._driver_replay is not None and self._driver_replay.is_over()
         frame = self._request_frame(timeout or 0.0)
         if frame is None:
-            if over:
+            if is_over:
                 return None
             raise TimeoutError(f"no image of {self.name} yet")
         # Use this machine's clock, because the library does not document the unit and the clock of its times.
@@ -161,7 +161,7 @@ class TofSensor(Sensor):
             camera.setControl(ac.Control.RANGE, _MODES[metres])
             info, control = camera.getCameraInfo(), ac.Control
             option = (control.INTRINSIC_FX, control.INTRINSIC_FY, control.INTRINSIC_CX, control.INTRINSIC_CY)
-            fx, fy, cx, cy = (camera.getControl(each) / _INTRINSICS_SCALE for each in option)
+            fx, fy, cx, cy = (camera.getControl(control_id) / _INTRINSICS_SCALE for control_id in option)
             self._lens, self._calibrated = choose_intrinsics(
                 info.width, info.height, (fx, fy, cx, cy), _PROFILE, self.name
             )

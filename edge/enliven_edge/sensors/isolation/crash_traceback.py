@@ -28,7 +28,7 @@ class CrashTraceback:
             self._near, self.far = context.Pipe(duplex=False)
             os.set_blocking(self._near.fileno(), False)
 
-    def started(self) -> None:
+    def close_child_end(self) -> None:
         """Closes the process's end of the pipe in the edge, because the process now has its own copy."""
         if self.far is not None:
             self.far.close()
@@ -42,8 +42,8 @@ class CrashTraceback:
             return ""
         report = b""
         with contextlib.suppress(OSError), self._near:
-            while len(report) < _MAX_BYTES and (more := os.read(self._near.fileno(), _MAX_BYTES)):
-                report += more
+            while len(report) < _MAX_BYTES and (chunk := os.read(self._near.fileno(), _MAX_BYTES)):
+                report += chunk
         return report.decode(errors="replace")
 
     def close(self) -> None:

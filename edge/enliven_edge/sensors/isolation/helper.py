@@ -150,8 +150,8 @@ class _Helper:
         camera = None if frame.intrinsics == self._camera else frame.intrinsics
         self._camera = frame.intrinsics
         colour = None if frame.colour is None else frame.colour.shape
-        about = (frame.time_ns, frame.sequence, frame.sensor, frame.world_from_camera)
-        self._pipe.send(("frame", slot, frame.depth.shape, colour, camera, about))
+        header = (frame.time_ns, frame.sequence, frame.sensor, frame.world_from_camera)
+        self._pipe.send(("frame", slot, frame.depth.shape, colour, camera, header))
 
 
 class _Pipe:

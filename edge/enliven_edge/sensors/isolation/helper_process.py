@@ -55,7 +55,7 @@ class HelperProcess:
                 f"the process of the driver cannot be started ({error})", where=name
             ) from None
         far.close()
-        self._words.started()
+        self._words.close_child_end()
         self._slots: FrameSlots | None = None
         self._camera: Intrinsics | None = None
         self._waiting: list[tuple[Any, ...]] = []
@@ -82,8 +82,8 @@ class HelperProcess:
             )
         if message[0] == "failed":
             raise error_from_helper(message[1:], self._name, ResourceError)
-        name, fps, again = message[1:]
-        return name, fps, again
+        name, fps, reopens = message[1:]
+        return name, fps, reopens
 
     def start_frames(self) -> None:
         """Starts the frames.

@@ -55,14 +55,14 @@ class IsolatedOpener:
         """
         helper, self._idle = self._idle or self._start(self._options), None
         try:
-            name, fps, again = helper.open()
+            name, fps, reopens = helper.open()
         except (InputError, ResourceError):
             if self._reuses_process and helper.is_alive:
                 self._idle = helper
             else:
                 helper.end()
             raise
-        self._options = {**self._options, **again}
+        self._options = {**self._options, **reopens}
         return IsolatedSensor(helper, name, fps)
 
     def close(self) -> None:

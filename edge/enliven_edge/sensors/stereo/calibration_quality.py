@@ -124,7 +124,7 @@ def rate_solution(board: CalibrationBoard, solution: StereoSolution) -> Calibrat
             "board still."
         )
         return CalibrationQuality("not good enough", facts, [lacking])
-    error = expected_depth_error(calibration, solution.disparity_error, _REPORT_DISTANCE_M)
+    error = compute_expected_depth_error(calibration, solution.disparity_error, _REPORT_DISTANCE_M)
     covered = {side: _find_covered_fields(calibration, solution, side) for side in ("left", "right")}
     facts += [
         ("baseline", f"{1e3 * calibration.baseline:.1f} mm"),
@@ -149,7 +149,9 @@ def rate_solution(board: CalibrationBoard, solution: StereoSolution) -> Calibrat
     return CalibrationQuality("not good enough" if bad else "fair" if advice else "good", facts, advice)
 
 
-def expected_depth_error(calibration: StereoCalibration, disparity_error: float, distance: float) -> float:
+def compute_expected_depth_error(
+    calibration: StereoCalibration, disparity_error: float, distance: float
+) -> float:
     """Returns the expected depth error in metres at a distance in metres."""
     disparity = float(np.hypot(disparity_error, _MATCHER_ERROR_PX))
     return distance**2 * disparity / (calibration.left.fx * calibration.baseline)
@@ -197,8 +199,8 @@ def _find_covered_fields(calibration: StereoCalibration, solution: StereoSolutio
     """Returns (3, 4) flags: 1 for each field of an image with corners in it, 0 for the others."""
     rows, columns = len(_ROWS), len(_COLUMNS)
     covered_fields = np.zeros((rows, columns))
-    for each in solution.used:
-        for x, y in getattr(each, side).values():
+    for sighting in solution.used:
+        for x, y in getattr(sighting, side).values():
             row, column = int(y * rows / calibration.height), int(x * columns / calibration.width)
             covered_fields[min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)] = 1
     return covered_fields

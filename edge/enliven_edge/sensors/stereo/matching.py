@@ -95,7 +95,7 @@ class StereoMatcher:
         pair = self._rectification.rectify(left, right)
         # StereoSGBM returns no disparity for the leftmost numDisparities columns, so the images are padded by
         # that many.
-        wide = [cv.copyMakeBorder(each, 0, 0, self._margin, 0, cv.BORDER_REPLICATE) for each in pair]
+        wide = [cv.copyMakeBorder(image, 0, 0, self._margin, 0, cv.BORDER_REPLICATE) for image in pair]
         disparity = self._matcher.compute(*wide)[:, self._margin :]
         return self._millimetres[np.maximum(disparity, 0)]
 

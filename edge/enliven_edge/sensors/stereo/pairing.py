@@ -90,9 +90,9 @@ class ImagePairing:
             return
         self._since_ns = image.time_ns
         if self._least_ns is None:
-            which = "left" if image.eye else "right"
+            side = "left" if image.eye else "right"
             raise ResourceError(
-                f"the {which} camera sends no images",
+                f"the {side} camera sends no images",
                 where=self._name,
                 remedy="Check the ribbon cable of this camera.",
             )

@@ -38,7 +38,8 @@ class Rectification:
         cv = self._cv = import_opencv()
         size = (calibration.width, calibration.height)
         lenses = [
-            (each.matrix(), np.array(each.distortion)) for each in (calibration.left, calibration.right)
+            (eye_lens.matrix(), np.array(eye_lens.distortion))
+            for eye_lens in (calibration.left, calibration.right)
         ]
         turn, shift = np.array(calibration.right_from_left), np.array(calibration.translation)
         *rotations, left, right = cv.stereoRectify(
@@ -61,9 +62,9 @@ class Rectification:
         shape = (self.intrinsics.height, self.intrinsics.width)
         for image in (left, right):
             if image.shape[:2] != shape:
-                image_size, wanted = (f"{size[1]} x {size[0]}" for size in (image.shape, shape))
+                image_size, expected_size = (f"{size[1]} x {size[0]}" for size in (image.shape, shape))
                 raise InputError(
-                    f"an image has {image_size} pixels, but the calibration is for {wanted}",
+                    f"an image has {image_size} pixels, but the calibration is for {expected_size}",
                     where="stereo",
                     remedy="Calibrate again with the size of the images: enliven calibrate-stereo.",
                 )

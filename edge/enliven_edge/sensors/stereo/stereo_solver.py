@@ -32,7 +32,7 @@ class BoardSighting:
     left: dict[int, Float]
     right: dict[int, Float]
 
-    def common_corners(self, board: CalibrationBoard) -> tuple[Float, Float, Float]:
+    def find_common_corners(self, board: CalibrationBoard) -> tuple[Float, Float, Float]:
         """Returns the corners that both cameras see: (N, 3) on the board, (N, 2) and (N, 2) in the images."""
         numbers = sorted(self.left.keys() & self.right.keys())
         left, right = ([side[n] for n in numbers] for side in (self.left, self.right))
@@ -99,8 +99,10 @@ def disparity_offset(
     board's size.
     """
     cv, lens = import_opencv(), calibration.left
-    points, left, right = sighting.common_corners(board)
-    columns = [each[:, 0] for each in _rectify_points(rectification, calibration, left, right)]
+    points, left, right = sighting.find_common_corners(board)
+    columns = [
+        pixel_points[:, 0] for pixel_points in _rectify_points(rectification, calibration, left, right)
+    ]
     _, turn, shift = cv.solvePnP(points, left, lens.matrix(), np.array(lens.distortion))
     depth = ((points @ cv.Rodrigues(turn)[0].T + shift.T) @ rectification.rotations[0].T)[:, 2]
     expected = rectification.intrinsics.fx * rectification.baseline / depth
@@ -129,7 +131,8 @@ def _fit(
         _, matrix, distortion, *_ = cv.calibrateCamera(points, pixels, size, None, None)
         lenses += [matrix, np.ravel(distortion)[:5]]
     common = [
-        [part.astype(np.float32)[:, None] for part in sighting.common_corners(board)] for sighting in used
+        [part.astype(np.float32)[:, None] for part in sighting.find_common_corners(board)]
+        for sighting in used
     ]
     error, *lenses, turn, shift, _, _, _, _, errors = cv.stereoCalibrateExtended(
         *zip(*common, strict=True),
@@ -152,7 +155,8 @@ def _fit(
     )
     rectification = Rectification(calibration)
     rectified = [
-        _rectify_points(rectification, calibration, *sighting.common_corners(board)[1:]) for sighting in used
+        _rectify_points(rectification, calibration, *sighting.find_common_corners(board)[1:])
+        for sighting in used
     ]
     row_errors = np.concatenate([left[:, 1] - right[:, 1] for left, right in rectified])
     epipolar = float(np.sqrt(np.mean(row_errors**2)))
@@ -161,7 +165,7 @@ def _fit(
 
 def _lens(matrix: Float, distortion: Float) -> StereoLens:
     k1, k2, p1, p2, k3 = (float(v) for v in np.ravel(distortion)[:5])
-    fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    fx, fy, cx, cy = (float(matrix[cell]) for cell in ((0, 0), (1, 1), (0, 2), (1, 2)))
     return StereoLens(fx, fy, cx, cy, (k1, k2, p1, p2, k3))
 
 
@@ -185,12 +189,14 @@ def _cross_validate(board: CalibrationBoard, used: list[BoardSighting], size: tu
 
     Each half of the sightings is tested with a calibration from the other half.
     """
-    off = []
+    errors = []
     for training in (0, 1):
         calibration, _ = _fit(board, used[training::2], size)
         rectification = Rectification(calibration)
-        off += [disparity_offset(board, test, rectification, calibration) for test in used[1 - training :: 2]]
-    return float(np.sqrt(np.mean(np.square(off))))
+        errors += [
+            disparity_offset(board, test, rectification, calibration) for test in used[1 - training :: 2]
+        ]
+    return float(np.sqrt(np.mean(np.square(errors))))
 
 
 def _widest_tilt(board: CalibrationBoard, used: list[BoardSighting], calibration: StereoCalibration) -> float:
@@ -199,7 +205,7 @@ def _widest_tilt(board: CalibrationBoard, used: list[BoardSighting], calibration
     lens = calibration.left
     normals = []
     for sighting in used:
-        points, left, _ = sighting.common_corners(board)
+        points, left, _ = sighting.find_common_corners(board)
         _, turn, _ = cv.solvePnP(points, left, lens.matrix(), np.array(lens.distortion))
         normals.append(cv.Rodrigues(turn)[0][:, 2])
     smallest = float(np.min(np.array(normals) @ np.array(normals).T))

@@ -77,14 +77,14 @@ class OscPort(Closeable):
         end = time.monotonic() + _MAX_FRAME_S
         while time.monotonic() < end:
             try:
-                more = list(self._receive(_QUIET_S))
+                more_messages = list(self._receive(_QUIET_S))
             except TimeoutError:
                 break
-            if any(_name_of(message) in names for message in more):
-                self._early = more
+            if any(_name_of(message) in names for message in more_messages):
+                self._early = more_messages
                 break
-            messages += more
-            names.update(map(_name_of, more))
+            messages += more_messages
+            names.update(map(_name_of, more_messages))
         return messages
 
     def close(self) -> None:
@@ -110,7 +110,7 @@ def unpack_osc(data: bytes) -> list[Message]:
         messages = [OscMessage(part) for part in _split_bundle(data) if OscMessage.dgram_is_message(part)]
     except (ParseError, ValueError, IndexError):
         raise InputError("the packet is not OSC", where="an OSC port") from None
-    return [(each.address, list(each.params)) for each in messages]
+    return [(message.address, list(message.params)) for message in messages]
 
 
 def _split_bundle(data: bytes, depth: int = 0) -> Iterator[bytes]:
@@ -129,14 +129,14 @@ def _split_bundle(data: bytes, depth: int = 0) -> Iterator[bytes]:
         return
     if depth >= _MAX_BUNDLE_DEPTH or len(data) < _BUNDLE_HEAD_BYTES:
         raise ValueError("a bundle that is too short, or nested too deep")
-    at = _BUNDLE_HEAD_BYTES
-    while at < len(data):
-        size = int.from_bytes(data[at : at + _SIZE_BYTES], "big", signed=True)
-        end = at + _SIZE_BYTES + size
+    offset = _BUNDLE_HEAD_BYTES
+    while offset < len(data):
+        size = int.from_bytes(data[offset : offset + _SIZE_BYTES], "big", signed=True)
+        end = offset + _SIZE_BYTES + size
         if size < 0 or end > len(data):
             raise ValueError("an element that does not fit in its bundle")
-        yield from _split_bundle(data[at + _SIZE_BYTES : end], depth + 1)
-        at = end
+        yield from _split_bundle(data[offset + _SIZE_BYTES : end], depth + 1)
+        offset = end
 
 
 def _name_of(message: Message) -> Hashable:

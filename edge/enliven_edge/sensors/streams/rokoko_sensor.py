@@ -238,7 +238,7 @@ def _figure_from_actor(name: str, joints: Iterable[tuple[str, _Placement]]) -> H
             rows[ROKOKO_BONES[number]] = number, values
     if "Hips" not in rows:
         return None
-    bones = tuple(HumanPose.ordered(rows))
+    bones = tuple(HumanPose.sort_bones(rows))
     numbers = np.array([rows[bone][0] for bone in bones])
     positions, turns = placements_from_rokoko(np.stack([rows[bone][1] for bone in bones]))
     return HumanPose(name, bones, positions, rotations_from_rokoko(normalized(turns), numbers))
@@ -246,8 +246,8 @@ def _figure_from_actor(name: str, joints: Iterable[tuple[str, _Placement]]) -> H
 
 def _joint_values(placement: _Placement) -> Float | None:
     """Returns the numbers (7,) of a joint, or None if they are not a position and a rotation."""
-    at, turn = placement.position, placement.rotation
-    values = (at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w)
+    position, turn = placement.position, placement.rotation
+    values = (position.x, position.y, position.z, turn.x, turn.y, turn.z, turn.w)
     if not all(map(math.isfinite, values)):
         return None
     if max(map(abs, values[:3])) > MAX_METRES or not 0.5 < math.hypot(*values[3:]) < 2.0:

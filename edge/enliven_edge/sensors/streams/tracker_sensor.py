@@ -73,7 +73,9 @@ class TrackerSensor(StreamSensor[list[Message]]):
             if joint is None or len(arguments) < 3:
                 continue
             numbers = [
-                each for each in arguments[:3] if isinstance(each, float | int) and math.isfinite(each)
+                number
+                for number in arguments[:3]
+                if isinstance(number, float | int) and math.isfinite(number)
             ]
             if len(numbers) == 3 and max(map(abs, numbers)) < MAX_METRES:
                 self._points[joint] = (from_unity_position(np.array(numbers, np.float64)), time.monotonic())
@@ -83,7 +85,9 @@ class TrackerSensor(StreamSensor[list[Message]]):
     def _bodies(self) -> list[Body]:
         """Returns the person with the newest positions, or no person without a hip and a chest."""
         now = time.monotonic()
-        points = {joint: place for joint, (place, at) in self._points.items() if now - at < _MAX_AGE_S}
+        points = {
+            joint: place for joint, (place, seen_s) in self._points.items() if now - seen_s < _MAX_AGE_S
+        }
         if not {Joint.HIP_CENTER, Joint.SHOULDER_CENTER} <= points.keys():
             return []
         return [body_of_points(points)]
@@ -98,34 +102,34 @@ def body_of_points(points: dict[Joint, Float]) -> Body:
     hip, chest = points[Joint.HIP_CENTER], points[Joint.SHOULDER_CENTER]
     up = unit(chest - hip)
     size = float(np.linalg.norm(chest - hip)) / _TRUNK_M
-    across = _left_direction(points, up)
+    across = _compute_left_direction(points, up)
     joints = np.empty((len(Joint), 3))
     joints[Joint.HIP_CENTER], joints[Joint.SHOULDER_CENTER] = hip, chest
     joints[Joint.SPINE] = hip + _SPINE_FRACTION * (chest - hip)
     joints[Joint.HEAD] = chest + 0.2 * size * up
     for side, sign in (("LEFT", 1.0), ("RIGHT", -1.0)):
-        at = {name: Joint[f"{name}_{side}"] for name in _SIDE_JOINTS}
-        joints[at["HIP"]] = hip + size * (0.085 * sign * across - 0.08 * up)
-        joints[at["SHOULDER"]] = chest + size * (0.185 * sign * across - 0.05 * up)
+        joints_by_name = {name: Joint[f"{name}_{side}"] for name in _SIDE_JOINTS}
+        joints[joints_by_name["HIP"]] = hip + size * (0.085 * sign * across - 0.08 * up)
+        joints[joints_by_name["SHOULDER"]] = chest + size * (0.185 * sign * across - 0.05 * up)
         for chain, lengths, direction in (
             (("SHOULDER", "ELBOW", "WRIST", "HAND"), (0.285, 0.25, 0.085), -up),
             (("HIP", "KNEE", "ANKLE"), (0.43, 0.41), -up),
         ):
             for k, length in enumerate(lengths):
-                begin, end = at[chain[k]], at[chain[k + 1]]
+                begin, end = joints_by_name[chain[k]], joints_by_name[chain[k + 1]]
                 place = points.get(end)
                 joints[end] = joints[begin] + size * length * direction if place is None else place
                 if np.any(joints[end] - joints[begin]):
                     direction = unit(joints[end] - joints[begin])
         toes = size * (0.12 * unit(np.cross(across, _UP)) - 0.05 * _UP)
-        joints[at["FOOT"]] = joints[at["ANKLE"]] + toes
+        joints[joints_by_name["FOOT"]] = joints[joints_by_name["ANKLE"]] + toes
     confidence = np.zeros(len(Joint))
     for joint, place in points.items():
         joints[joint], confidence[joint] = place, 1.0
     return Body(1, joints, confidence)
 
 
-def _left_direction(points: dict[Joint, Float], up: Float) -> Float:
+def _compute_left_direction(points: dict[Joint, Float], up: Float) -> Float:
     """Returns the (3,) unit direction to the person's left, from pairs of trackers, or else +X."""
     across = np.zeros(3)
     for name in ("ELBOW", "KNEE", "ANKLE"):

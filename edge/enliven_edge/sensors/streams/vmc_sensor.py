@@ -11,9 +11,9 @@ from enliven.person import (
     Body,
     HumanPose,
     body_from_human_pose,
+    compute_standing_offset,
     from_unity_position,
     from_unity_rotation,
-    standing_offset,
 )
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
 from enliven_edge.sensors.streams.osc_opening import open_osc_port
@@ -81,18 +81,18 @@ class VmcSensor(StreamSensor[list[Message]]):
         names, positions, turns = [], list[np.ndarray](), list[np.ndarray]()
         # A bone's pose can be computed only after that of its parent. So sort the bones by their depth in the
         # hierarchy.
-        for name in HumanPose.ordered(self._bones):
-            offset, own = self._bones[name]
+        for name in HumanPose.sort_bones(self._bones):
+            offset, rotation = self._bones[name]
             parent = next((above for above in HumanPose.ancestors(name) if above in names), None)
             if parent is None:
                 start, above = place, turn
             else:
                 start, above = positions[names.index(parent)], turns[names.index(parent)]
                 if float(np.linalg.norm(offset)) < _MIN_OFFSET_M:
-                    offset = standing_offset(name, parent, self._height)
+                    offset = compute_standing_offset(name, parent, self._height)
             names.append(name)
             positions.append(start + rotate(above, offset))
-            turns.append(multiply(above, own))
+            turns.append(multiply(above, rotation))
         human = HumanPose(self.name, tuple(names), np.stack(positions), np.stack(turns))
         return [body_from_human_pose(human, 1)]
 
@@ -102,7 +102,7 @@ def _parse_bone_placement(arguments: list[object]) -> tuple[str, np.ndarray, np.
     if len(arguments) < 8 or not isinstance(arguments[0], str):
         return None
     numbers = arguments[1:8]
-    if not all(isinstance(each, float | int) and math.isfinite(each) for each in numbers):
+    if not all(isinstance(number, float | int) and math.isfinite(number) for number in numbers):
         return None
     values = np.array(numbers, np.float64)
     if np.abs(values[:3]).max() > MAX_METRES or not np.any(values[3:]):

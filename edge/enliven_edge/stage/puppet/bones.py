@@ -27,7 +27,7 @@ _MIN_LENGTH_M = 1e-3
 """Minimum length in metres of a bone with a direction. A millimetre is below the noise of joints."""
 
 
-def standing_directions() -> Float:
+def compute_standing_directions() -> Float:
     """Returns (20, 3) unit directions of the bones that end at the joints: upright, facing +Z, arms
     hanging."""
     directions = np.tile(np.array(_DOWN), (len(Joint), 1))
@@ -71,7 +71,7 @@ class BoneTracker:
 
     def __init__(self, ease: float) -> None:
         self._ease = ease
-        self._directions = standing_directions()
+        self._directions = compute_standing_directions()
         self._trust = np.zeros(len(Joint))
         self._turns = np.tile(np.eye(3), (3, 1, 1))
         self._trunk_trust = np.zeros(3)
@@ -94,8 +94,10 @@ class BoneTracker:
         is_known = is_tracked & is_tracked[_PARENT] & (lengths > _MIN_LENGTH_M)
         self._trust = np.where(is_known, np.minimum(self._trust + gain, 1.0), 0.0)
         directions = vectors / np.maximum(lengths, _MIN_LENGTH_M)[:, None]
-        before = self._directions
-        self._directions = _normalise(before + self._trust[:, None] * (directions - before), before)
+        old_directions = self._directions
+        self._directions = _normalise(
+            old_directions + self._trust[:, None] * (directions - old_directions), old_directions
+        )
         self._is_first = False
         return self.seen
 
@@ -110,8 +112,8 @@ class BoneTracker:
         if not sure:
             return
         yaw = _yaw_from_rotation(pelvis)
-        before = yaw if self._yaw is None else self._yaw
-        self._yaw = before + float((yaw - before + np.pi) % (2.0 * np.pi) - np.pi)
+        old_yaw = yaw if self._yaw is None else self._yaw
+        self._yaw = old_yaw + float((yaw - old_yaw + np.pi) % (2.0 * np.pi) - np.pi)
 
     def _blend_trunk(self, turns: Float, sure: Bool, gain: float) -> None:
         self._trunk_trust = np.where(sure, np.minimum(self._trunk_trust + gain, 1.0), 0.0)
@@ -125,7 +127,7 @@ class BoneTracker:
 def _trunk_rotations(body: Body, known: Bool) -> tuple[Float, Bool]:
     """Returns (3, 3, 3) world rotations of pelvis, chest and head, and (3,) flags of those with all joints
     visible."""
-    at, j = body.joints, Joint
+    positions, j = body.joints, Joint
     need = (
         (j.HIP_CENTER, j.HIP_LEFT, j.HIP_RIGHT, j.SHOULDER_CENTER),
         (j.SHOULDER_CENTER, j.SHOULDER_LEFT, j.SHOULDER_RIGHT, j.HIP_CENTER),
@@ -139,7 +141,11 @@ def _trunk_rotations(body: Body, known: Bool) -> tuple[Float, Bool]:
         (j.SHOULDER_LEFT, j.SHOULDER_RIGHT, j.HEAD, j.SHOULDER_CENTER),
     )
     for k, (left, right, upper, lower) in enumerate(ends):
-        frame = _frame_from_axes(at[left] - at[right], at[upper] - at[lower]) if sure[k] else None
+        frame = (
+            _frame_from_axes(positions[left] - positions[right], positions[upper] - positions[lower])
+            if sure[k]
+            else None
+        )
         sure[k] = frame is not None
         if frame is not None:
             turns[k] = frame

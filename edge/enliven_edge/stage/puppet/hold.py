@@ -51,7 +51,7 @@ class ControlPointHold:
         if mirror:
             body = mirror_body(body, *_MIRROR)
         seen = self.bones.update(body, seconds)
-        self.pose, self.yaw, self.seen_ns = retargeting.pose(seen), seen.yaw, time_ns
+        self.pose, self.yaw, self.seen_ns = retargeting.compute_pose(seen), seen.yaw, time_ns
         self.footing = self.feet.update(body, seconds)
         self._add_step(body, retargeting.legs)
 
@@ -63,9 +63,9 @@ class ControlPointHold:
         """
         total, frames = self._legs
         self._legs = [total + leg_length(body), frames + 1.0]
-        at = body.joints[Joint.HIP_CENTER]
-        if body.confidence[Joint.HIP_CENTER] > 0 and np.isfinite(at).all():
-            hips = complex(complex_from_floor(at))
+        hip_centre = body.joints[Joint.HIP_CENTER]
+        if body.confidence[Joint.HIP_CENTER] > 0 and np.isfinite(hip_centre).all():
+            hips = complex(complex_from_floor(hip_centre))
             if self._hips is not None:
                 self.path_position += (hips - self._hips) * legs * self._legs[1] / self._legs[0]
             self._hips = hips

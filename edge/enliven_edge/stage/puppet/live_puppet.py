@@ -93,10 +93,10 @@ class LivePuppet:
     def advance(self, time_ns: int, sample: PerformerInput) -> PuppetState:
         """Adds the next sample and returns the current state to show."""
         assert self._last is not None
-        before_ns, before = self._last
+        old_ns, old_state = self._last
         while self._due_ns <= time_ns:
-            fraction = (self._due_ns - before_ns) / max(time_ns - before_ns, 1)
-            self._push_sample(_interpolate(before, sample, fraction))
+            fraction = (self._due_ns - old_ns) / max(time_ns - old_ns, 1)
+            self._push_sample(_interpolate(old_state, sample, fraction))
             self._due_ns += self._step_ns
         self._last = time_ns, sample
         fraction = 1.0 - (self._due_ns - time_ns) / self._step_ns

@@ -91,12 +91,12 @@ class FootDetector:
         """Returns the footing of a body, ``seconds`` after the last one."""
         self._seconds += seconds
         joints = np.array(_SIDES)
-        at = body.joints[joints]
-        seen = (body.confidence[joints] > 0) & np.isfinite(at).all(2)
-        heights = np.where(seen, at[..., 1], np.inf)
+        places = body.joints[joints]
+        seen = (body.confidence[joints] > 0) & np.isfinite(places).all(2)
+        heights = np.where(seen, places[..., 1], np.inf)
         self._floor = np.minimum(self._floor + _FLOOR_RISE_RATE * seconds, heights)
         above = np.where(seen, heights - np.where(seen, self._floor, 0.0), np.inf).min(1)
-        self._decide_standing(body, at, seen, above)
+        self._decide_standing(body, places, seen, above)
         stands = self._down[0], self._down[1]
         if not seen.any(1).all() or self._read_contacts(body).any():
             return Footing(stands=stands)
@@ -116,23 +116,23 @@ class FootDetector:
         while self._path and self._seconds - self._path[0][0] > _SPEED_WINDOW_S:
             self._path.popleft()
         self._path.append((self._seconds, places))
-        since = max(self._seconds - self._path[0][0], 1e-9)
-        velocity = (places - self._path[0][1]) / since
+        elapsed_s = max(self._seconds - self._path[0][0], 1e-9)
+        velocity = (places - self._path[0][1]) / elapsed_s
         speeds = np.linalg.norm(velocity, axis=1)
         leg = _LEG_RATIO * performer_height(body)
         # A runner's standing foot rolls fast, but it is slow relative to the mean of both feet.
         slow = max(self._how.speed * leg, self._runner * float(np.linalg.norm(velocity.mean(0)[[0, 2]])))
         for k in range(2):
-            more = self._how.release if self._down[k] else 1.0
-            low = above[k] <= self._how.height * leg * more
-            self._down[k] = bool(seen[k].any() and low and speeds[k] <= slow * more)
+            release_factor = self._how.release if self._down[k] else 1.0
+            low = above[k] <= self._how.height * leg * release_factor
+            self._down[k] = bool(seen[k].any() and low and speeds[k] <= slow * release_factor)
 
     def _read_contacts(self, body: Body) -> Bool:
         """Returns (2,) flags: True if the tracker reports contact of the left and the right foot."""
         if body.contacts is None:
             return np.zeros(2, np.bool_)
-        least = np.where(self._down, _RELEASE_PROBABILITY, _CONTACT_PROBABILITY)
-        return np.asarray(body.contacts >= least)
+        min_probabilities = np.where(self._down, _RELEASE_PROBABILITY, _CONTACT_PROBABILITY)
+        return np.asarray(body.contacts >= min_probabilities)
 
 
 def performer_height(body: Body) -> float:
@@ -261,8 +261,8 @@ class Locomotion:
         """Pulls the root towards the path. Returns the places (P, 3), with standing feet locked."""
         stands = (self._find_known_standing(footing.stands) | (self._feet == self.anchor)) & footing.touches
         stands = stands[: len(self._following.held)]
-        off = path_position - self._from[0] - (complex(complex_from_floor(root)) - self._from[1])
-        root += floor_from_complex(self._following.compute_correction(off, stands.tolist()))
+        deviation = path_position - self._from[0] - (complex(complex_from_floor(root)) - self._from[1])
+        root += floor_from_complex(self._following.compute_correction(deviation, stands.tolist()))
         if not self._following.held:
             return places
         out = places.copy()
@@ -280,10 +280,10 @@ class Locomotion:
     def _move_in_contact(self, turned: Float, root: Float, stands: tuple[bool, bool]) -> None:
         """Moves the root during contact, as in a take. The first anchor is the lowest foot."""
         contacts = self._find_known_standing(stands)
-        before = turned if self._before is None else self._before
+        old_points = turned if self._before is None else self._before
         roots, anchors = np.stack([root, root]), np.array([self.anchor, -1])
         choose_anchors(
-            np.stack([before, turned]),
+            np.stack([old_points, turned]),
             self._feet,
             np.stack([contacts, contacts]),
             self._grip,

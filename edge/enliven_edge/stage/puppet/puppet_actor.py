@@ -99,20 +99,20 @@ class PuppetActor(Actor):
         Raises:
             InputError: for an unknown part, or one without a paired control point.
         """
-        points = self._paired_points(parts)
+        points = self._find_paired_points(parts)
         if not points:
             raise InputError(
                 f"no control point of the puppet follows the body parts {parts!r}",
                 where=f"possessing {self.character.id!r}",
-                remedy=f"The control points follow these joints: {', '.join(self._followed_names())}.",
+                remedy=f"The control points follow these joints: {', '.join(self._list_followed_names())}.",
             )
         if not ((body.confidence > 0) & np.isfinite(body.joints).all(1)).any():
             where, remedy = f"possessing {self.character.id!r}", "Step in front of the sensor again."
             raise InputError(f"no joint of performer {body.id} is visible", where=where, remedy=remedy)
-        own = next((hold for hold in self.holds if hold.body == body.id), None)
-        if own is not None and mode == "extend":
-            points |= own.points
-        hold = own or self._create_hold(body.id, points)
+        own_hold = next((hold for hold in self.holds if hold.body == body.id), None)
+        if own_hold is not None and mode == "extend":
+            points |= own_hold.points
+        hold = own_hold or self._create_hold(body.id, points)
         hold.points = points
         hold.update(body, self._retargeting, self._time_ns, mirror=self.settings.mirror)
         others = [] if mode == "alone" else [other for other in self.holds if other is not hold]
@@ -130,7 +130,9 @@ class PuppetActor(Actor):
         who, parts = self._candidate
         body = next((b for b in bodies if b.id == who), None) or self.next_performer(bodies)
         held = [(hold.body, self._highlight_strengths(hold.points)) for hold in self.holds]
-        preview = None if body is None else (body.id, self._highlight_strengths(self._paired_points(parts)))
+        preview = (
+            None if body is None else (body.id, self._highlight_strengths(self._find_paired_points(parts)))
+        )
         return make_cues(held, preview)
 
     def warm_up(self) -> None:
@@ -143,18 +145,18 @@ class PuppetActor(Actor):
                 rehearsal.possess(body)
 
     def _create_hold(self, body: int, points: frozenset[int]) -> ControlPointHold:
-        how = self._puppet.locomotion
-        feet = FootDetector(how.contact, how.runner)
+        settings = self._puppet.locomotion
+        feet = FootDetector(settings.contact, settings.runner)
         return ControlPointHold(body, points, BoneTracker(_VISIBLE_EASE_S), feet, seen_ns=self._time_ns)
 
-    def _paired_points(self, parts: str) -> frozenset[int]:
+    def _find_paired_points(self, parts: str) -> frozenset[int]:
         """Returns the control points that are paired with the given parts of the performer's body."""
         joints = {int(joint) for joint in parse_parts(parts)}
         if self.settings.mirror:
             joints = {MIRROR[joint] for joint in joints}
         return frozenset(k for k, joint in enumerate(self._retargeting.joints) if int(joint) in joints)
 
-    def _followed_names(self) -> list[str]:
+    def _list_followed_names(self) -> list[str]:
         """Returns the names of the joints that control points are paired with."""
         return sorted({joint.name.lower().replace("_", " ") for joint in self._retargeting.joints})
 
@@ -177,13 +179,13 @@ class PuppetActor(Actor):
             self._rest()
 
     def _rest(self) -> None:
-        still = PuppetState(self._puppet.rest.copy(), self._state.yaw, np.zeros(3))
+        rest_state = PuppetState(self._puppet.rest.copy(), self._state.yaw, np.zeros(3))
         if self._locomotion.can_step:
-            by = self._locomotion.compute_feet_centre(self._state) - self._locomotion.compute_feet_centre(
-                still
+            offset = self._locomotion.compute_feet_centre(self._state) - self._locomotion.compute_feet_centre(
+                rest_state
             )
-            still = PuppetState(still.places, still.yaw, by * np.array([1.0, 0.0, 1.0]))
-        self._state = still
+            rest_state = PuppetState(rest_state.places, rest_state.yaw, offset * np.array([1.0, 0.0, 1.0]))
+        self._state = rest_state
 
     def _update_holds(self, bodies: list[Body], time_ns: int) -> None:
         """Updates all holds from the bodies in view. A performer who returns is blended in."""
@@ -198,7 +200,7 @@ class PuppetActor(Actor):
 
     def _update_state(self, time_ns: int, paused: bool) -> None:
         """Updates the state from the holds' last poses."""
-        lead = self._leading_hold()
+        lead = self._find_leading_hold()
         if lead is not self._lead:
             self._lead, self._yaw_offset = lead, self._state.yaw - lead.yaw
         pose = lead.pose.copy()
@@ -207,8 +209,8 @@ class PuppetActor(Actor):
             pose[rows] = hold.pose[rows]
         yaw = self._yaw_offset + lead.yaw if self._locomotion.can_step else 0.0
         size = self.settings.jump * float(np.ptp(self._puppet.mesh.vertices[:, 1]))
-        way = self._travel.stride * lead.path_position * cmath.exp(-1j * self._yaw_offset)
-        sample = PerformerInput(pose, yaw, lead.footing, size, way)
+        path = self._travel.stride * lead.path_position * cmath.exp(-1j * self._yaw_offset)
+        sample = PerformerInput(pose, yaw, lead.footing, size, path)
         if self._restarts or paused:
             self._restarts = False
             self._easing.restart_fade()
@@ -216,7 +218,7 @@ class PuppetActor(Actor):
         else:
             self._state = self._live.advance(time_ns, sample)
 
-    def _leading_hold(self) -> ControlPointHold:
+    def _find_leading_hold(self) -> ControlPointHold:
         """Returns the hold that moves the puppet through the world.
 
         It is the oldest hold with a foot, or else the oldest hold.
@@ -242,8 +244,8 @@ class PuppetActor(Actor):
         self._placed = True
         if not self.settings.meet:
             return
-        where = rotate(self._puppet.turn, self._puppet.mesh.vertices)
-        low, high = where.min(0), where.max(0)
+        turned_vertices = rotate(self._puppet.turn, self._puppet.mesh.vertices)
+        low, high = turned_vertices.min(0), turned_vertices.max(0)
         across = body.joints[0, 0] + self.settings.beside + self.aside - low[0]
         along = body.joints[0, 2] - (low[2] + high[2]) / 2
         place = np.array([across, self._puppet.place[1], along])

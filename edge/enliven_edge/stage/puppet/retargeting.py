@@ -80,9 +80,9 @@ class Retargeting:
     def __init__(self, skeleton: Skeleton, joints: Sequence[str]) -> None:
         self._skeleton = skeleton
         numbers = [skeleton.index(name) for name in joints]
-        same = _same_bones(skeleton)
-        bones = same or _similar_bones(skeleton)
-        self._facing = rotation_about_y(_rest_yaw(skeleton, same) if same else find_facing(skeleton))
+        same = _pair_same_bones(skeleton)
+        bones = same or _pair_similar_bones(skeleton)
+        self._facing = rotation_about_y(_compute_rest_yaw(skeleton, same) if same else find_facing(skeleton))
         self._paths = [skeleton.path(0, number)[1:] for number in numbers]
         used = sorted({joint for path in self._paths for joint in path})
         for joint in used:
@@ -106,7 +106,7 @@ class Retargeting:
         for row, path in enumerate(self._paths):
             self._chains[row, [used.index(joint) for joint in path]] = 1.0
 
-    def pose(self, seen: BonePose) -> Float:
+    def compute_pose(self, seen: BonePose) -> Float:
         """Returns the joints (P, 3) in metres, in the body frame.
 
         The bone lengths are those of the performer of the key poses.
@@ -118,7 +118,7 @@ class Retargeting:
         return np.asarray(self._chains @ vectors @ self._facing.T)
 
 
-def _same_bones(skeleton: Skeleton) -> dict[int, _Bone]:
+def _pair_same_bones(skeleton: Skeleton) -> dict[int, _Bone]:
     """Returns the bones of a tracked person's skeleton, paired one to one. The result is empty for other
     skeletons.
     """
@@ -138,7 +138,7 @@ def _leg_length(skeleton: Skeleton, bones: dict[int, _Bone]) -> float:
     return 0.5 * float(np.sum(legs) if legs else np.ptp(skeleton.positions, axis=0).max())
 
 
-def _rest_yaw(skeleton: Skeleton, bones: dict[int, _Bone]) -> float:
+def _compute_rest_yaw(skeleton: Skeleton, bones: dict[int, _Bone]) -> float:
     """Returns the facing of a tracked person at rest in radians about +Y, computed from the hips."""
     joints = np.zeros((len(Joint), 3))
     joints[[bone.joint for bone in bones.values()]] = skeleton.positions
@@ -149,7 +149,7 @@ def _normalise_name(name: str) -> str:
     return name.lower().replace("_", "").replace(" ", "")
 
 
-def _similar_bones(skeleton: Skeleton) -> dict[int, _Bone]:
+def _pair_similar_bones(skeleton: Skeleton) -> dict[int, _Bone]:
     """Returns the bones paired by anatomy. Bones that are not similar to any bone of a person are left
     out.
     """
@@ -185,10 +185,10 @@ def _add_limb(
     grounded = chain[0] in (Joint.HIP_LEFT, Joint.HIP_RIGHT)
     for joint in limb.girdle[1:]:
         bones[joint] = _Bone(chain[0], _PELVIS if grounded else _CHEST)
-    own = np.cumsum(skeleton.lengths[list(limb.proper[1:])])
-    if len(own) == 0:
+    arc_lengths = np.cumsum(skeleton.lengths[list(limb.proper[1:])])
+    if len(arc_lengths) == 0:
         return
-    middles = (own - 0.5 * skeleton.lengths[list(limb.proper[1:])]) / max(own[-1], 1e-9)
+    middles = (arc_lengths - 0.5 * skeleton.lengths[list(limb.proper[1:])]) / max(arc_lengths[-1], 1e-9)
     ends = np.cumsum(lengths) / lengths.sum()
     for joint, middle in zip(limb.proper[1:], middles, strict=True):
         bones[joint] = _Bone(chain[1 + min(int(np.searchsorted(ends, middle)), len(ends) - 1)])

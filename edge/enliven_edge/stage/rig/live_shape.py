@@ -66,12 +66,15 @@ class Binding:
         seconds = max(time_ns - self.seen_ns, 0) * 1e-9
         gain = seconds / ease if ease > 0.0 else 1.0
         self.trust = np.where(body.confidence > 0, np.minimum(self.trust + gain, 1.0), 0.0)
-        before = self.joints.copy()
+        old_joints = self.joints.copy()
         for joint, parent in enumerate(PARENTS):
             if parent < 0:
-                self.joints[joint] += self.trust[joint] * (body.joints[joint] - before[joint])
+                self.joints[joint] += self.trust[joint] * (body.joints[joint] - old_joints[joint])
                 continue
-            old_bone, new_bone = before[joint] - before[parent], body.joints[joint] - body.joints[parent]
+            old_bone, new_bone = (
+                old_joints[joint] - old_joints[parent],
+                body.joints[joint] - body.joints[parent],
+            )
             self.joints[joint] = self.joints[parent] + old_bone + self.trust[joint] * (new_bone - old_bone)
         rotations: Float | None = None
         if self.still.orientations is not None and body.orientations is not None:
@@ -93,13 +96,13 @@ class LiveShape:
         self._easing, self._fade = PoseBlend(fade), fade
         self._count, self._time_ns = 0, 0
         self._rebuild_player()
-        self.joints: Float = self._player.at(0.0).joints
+        self.joints: Float = self._player.compute_pose(0.0).joints
 
     def move_root(self, place: Float) -> None:
         """Moves the root to ``place`` (3,), metres from its modelled position."""
         self.shape = self.shape.with_changes(place=place)
         self._rebuild_player()
-        self.joints = self._player.at(0.0).joints
+        self.joints = self._player.compute_pose(0.0).joints
 
     def bind(
         self, body: Body, pairs: Sequence[Pair], view: ScreenView, *, mirrored: bool, alone: bool = False
@@ -138,7 +141,7 @@ class LiveShape:
             min(away, key=lambda binding: binding.seen_ns).body = idle[0].id
             self._easing.restart_fade()
 
-    def pose(self, bodies: Sequence[Body], time_ns: int) -> Pose:
+    def compute_pose(self, bodies: Sequence[Body], time_ns: int) -> Pose:
         """Returns the pose at a moment. Performers out of view keep their last pose."""
         present = {body.id: body for body in bodies}
         for binding in self.bindings:
@@ -148,9 +151,9 @@ class LiveShape:
             if binding.turns is not None:
                 self._player.feed(binding.take.id, binding.turns, binding.joints[0])
         self._time_ns = time_ns
-        at = self._player.at(time_ns * 1e-9)
-        self.joints = at.joints
-        pose = pose_from(self.shape, at, time_ns * 1e-9)
+        shape_pose = self._player.compute_pose(time_ns * 1e-9)
+        self.joints = shape_pose.joints
+        pose = pose_from(self.shape, shape_pose, time_ns * 1e-9)
         linear, positions = self._easing(
             pose.linear.astype(np.float64), pose.positions.astype(np.float64), time_ns
         )

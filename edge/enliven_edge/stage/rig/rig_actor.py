@@ -62,8 +62,8 @@ class RigActor(ChosenActor):
 
     @property
     def candidate(self) -> tuple[int | None, str]:
-        asked, parts = self._candidate
-        return (self.chooser.body if self.chooser.body >= 0 else asked), parts
+        candidate_id, parts = self._candidate
+        return (self.chooser.body if self.chooser.body >= 0 else candidate_id), parts
 
     def perform(
         self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
@@ -74,7 +74,7 @@ class RigActor(ChosenActor):
             self._place_beside(bodies[0])
         if self.settings.hand_over > 0.0:
             self.live_shape.hand_over(bodies, self._free_bodies(bodies), time_ns, self.settings.hand_over)
-        pose = self.live_shape.pose(bodies, time_ns)
+        pose = self.live_shape.compute_pose(bodies, time_ns)
         self._choose(bodies)
         if self.chooser.pick.accepted:  # The performer has accepted the match by holding still.
             self._bind(bodies, "join")
@@ -110,16 +110,16 @@ class RigActor(ChosenActor):
         return make_cues(held, preview)
 
     def board(self) -> MatchList:
-        own, chooser = self.character.id, self.chooser
+        own_id, chooser = self.character.id, self.chooser
         if self.holds:
             # While a performer drives the rig, another performer's match would hide the driven chains.
             rows = tuple(self._describe_driven(hold) for hold in self.holds)
-            return MatchList(own, "playing", self.holds[0].body, self._time_ns, 0, rows, len(rows))
+            return MatchList(own_id, "playing", self.holds[0].body, self._time_ns, 0, rows, len(rows))
         rows, shown = chooser.rows(self.live_shape.joints)
         if shown < 0:
-            return MatchList(own, "off", time_ns=self._time_ns)
+            return MatchList(own_id, "off", time_ns=self._time_ns)
         details = (chooser.body, self._time_ns, shown, rows, chooser.total, chooser.pick.held)
-        return MatchList(own, "choosing", *details)
+        return MatchList(own_id, "choosing", *details)
 
     def _describe_driven(self, hold: Binding) -> MatchRow:
         """Returns the chains that a performer drives, each with the limb that drives it."""

@@ -76,7 +76,7 @@ class EstimateAtPoints:
     def thin(self, step: int) -> EstimateAtPoints:
         """Returns a copy with every ``step``-th point."""
         surface, shown = (
-            np.ascontiguousarray(each[:, ::step]) for each in (self.surface, self.probabilities)
+            np.ascontiguousarray(array[:, ::step]) for array in (self.surface, self.probabilities)
         )
         return EstimateAtPoints(self.estimate, surface, shown, self.rays[::step])
 
@@ -169,7 +169,7 @@ def _agreement(surface, shown, capsule_parts, ends, radii):
     return total / len(which)
 
 
-def facing_score(network_output: EstimateAtPoints, posture: Posture, eye: Float) -> float:
+def compute_facing_score(network_output: EstimateAtPoints, posture: Posture, eye: Float) -> float:
     """Returns the log probability of the posture's facing relative to the network's likeliest direction.
 
     It is interpolated between the eight directions of the network. A prior is added that favours directions
@@ -180,7 +180,7 @@ def facing_score(network_output: EstimateAtPoints, posture: Posture, eye: Float)
 
 @njit(cache=True, nogil=True)
 def facing_log_probability(ways, angle):
-    """Computes :func:`facing_score`.
+    """Computes :func:`compute_facing_score`.
 
     Args:
         ways: (8,) log probabilities of the facing directions.

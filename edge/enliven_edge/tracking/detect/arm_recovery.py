@@ -79,11 +79,11 @@ class ArmRecovery:
             steps: steps of the full fit.
         """
         costs_more = self._costs_more_than_usual(report.energy)
-        enough = 1 if network_output is None else _MIN_SIGNS
+        min_signs = 1 if network_output is None else _MIN_SIGNS
         arms = [
             arm
             for arm in ARM_JOINTS
-            if costs_more + (arm in doubtful) + _network_disagrees(posture, arm, network_output) >= enough
+            if costs_more + (arm in doubtful) + _network_disagrees(posture, arm, network_output) >= min_signs
         ]
         if not arms or not self._backoff.is_due(report.energy):
             return None

@@ -68,7 +68,7 @@ def arm_starts(
     starts: list[Start] = []
     for arm in arms:
         of_arm = ARM_JOINTS[arm]
-        own = joints[of_arm]
+        arm_joints = joints[of_arm]
         with_arm = partial(_with_arm, posture, joints, arm)
         if network_output is not None:
             network_joints = network_output.estimate.joints[of_arm]
@@ -76,8 +76,8 @@ def arm_starts(
             starts.append(
                 partial(with_arm, np.concatenate([network_joints[:1], _at_surface(view, network_joints[1:])]))
             )
-        at_surface = _at_surface(view, own)
-        nearer = np.linalg.norm(own - eye, axis=1) - np.linalg.norm(at_surface - eye, axis=1)
+        at_surface = _at_surface(view, arm_joints)
+        nearer = np.linalg.norm(arm_joints - eye, axis=1) - np.linalg.norm(at_surface - eye, axis=1)
         if nearer[1:].max() > _MAX_DEPTH_ERROR_M:
             starts.append(partial(with_arm, at_surface))
         starts.append(partial(_mirror_other_arm, posture, arm))
@@ -144,7 +144,7 @@ def _starts_at_protrusion(
 
     Both directions of the forearm are tried.
     """
-    out = _protruding_points(observation, posture)
+    out = _find_protruding_points(observation, posture)
     if len(out) < _MIN_GROUP_POINTS:
         return []
     group = out[densest_ball(out, np.float32(_GROUP_RADIUS_M))].astype(float)
@@ -191,7 +191,7 @@ def densest_ball(points, radius):
     return near
 
 
-def _protruding_points(observation: Observation, posture: Posture) -> Float32:
+def _find_protruding_points(observation: Observation, posture: Posture) -> Float32:
     """Returns the (N, 3) points that protrude from the whole model, on rays that hit the trunk behind them.
 
     Furniture next to a person and another person's arm protrude, too, but the trunk is not behind them.

@@ -18,7 +18,7 @@ from enliven_edge.tracking.detect.appearance import (
 )
 from enliven_edge.tracking.detect.extremities import find_extremities
 from enliven_edge.tracking.detect.fit_quality import implausibility_cost, likely_builds
-from enliven_edge.tracking.detect.hypotheses import bank_starts, pose_from_estimate, standing_starts
+from enliven_edge.tracking.detect.hypotheses import bank_starts, make_standing_starts, pose_from_estimate
 from enliven_edge.tracking.estimator.estimator import Estimate, PoseEstimator
 from enliven_edge.tracking.estimator.labels import FACINGS
 from enliven_edge.tracking.fit.fit import FitReport, Fitter
@@ -119,7 +119,7 @@ def detect(
     coarse = _CoarseFits(fitter, observation, network_output, eye, height, _FIRST_POINTS)
     starts = yield from _create_hypotheses(observation, by_facing or [], eye, height, lengths)
     ranked = yield from coarse.rank(starts)
-    finalists = _best_distinct(ranked, _REFINED_HYPOTHESES)
+    finalists = _choose_best_distinct(ranked, _REFINED_HYPOTHESES)
     best = yield from _refine(fitter, observation, network_output, finalists, height)
     # Also try the best posture flipped, because front and back are easily confused.
     other = yield from _refine(fitter, observation, network_output, [flip_posture(best[1])], height)
@@ -156,7 +156,7 @@ def detect_another(
     promising = [pair for pair in ranked if pair[0] < _MAX_REFINED_COST * present_cost]
     if not promising:
         return None
-    finalists = _best_distinct(promising, _REFINED_HYPOTHESES)
+    finalists = _choose_best_distinct(promising, _REFINED_HYPOTHESES)
     _, posture, report = yield from _refine(
         fitter, observation, network_output, finalists, height, _MIDDLE_POINTS
     )
@@ -207,7 +207,7 @@ class _CoarseFits:
         ), posture
 
 
-def _best_distinct(ranked: list[tuple[float, Posture]], max_count: int) -> list[Posture]:
+def _choose_best_distinct(ranked: list[tuple[float, Posture]], max_count: int) -> list[Posture]:
     """Returns the cheapest postures without those that are similar to a cheaper one."""
     distinct: list[tuple[Float, Posture]] = []
     for _, posture in sorted(ranked, key=lambda pair: pair[0]):
@@ -257,7 +257,7 @@ def _create_hypotheses(
         observation, ends, eye, builds[0], _EXTRA_BANK_HYPOTHESES if by_facing else _BANK_HYPOTHESES
     )
     yield _BANK_COST
-    return [*by_estimate, *standing_starts(observation, eye, builds[-1]), *banked]
+    return [*by_estimate, *make_standing_starts(observation, eye, builds[-1]), *banked]
 
 
 def _refine(
@@ -293,10 +293,10 @@ def _refine(
         )
         halfway.append((report.energy, posture))
         yield _REFINEMENT_COST
-    most = np.inf if points is None else _MAX_ENERGY_RATIO * min(energy for energy, _ in halfway)
+    max_energy = np.inf if points is None else _MAX_ENERGY_RATIO * min(energy for energy, _ in halfway)
     ready = []
     for energy, posture in halfway:
-        if energy <= most:
+        if energy <= max_energy:
             posture, report = fitter.fit(
                 observation, posture, iterations=_HALF_STEPS, proportions=_LENGTH_WEIGHTS
             )

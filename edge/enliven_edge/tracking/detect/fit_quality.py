@@ -21,8 +21,8 @@ from enliven_edge.tracking.body_model.posture import (
 from enliven_edge.tracking.detect.appearance import (
     DISAGREEMENT_COST,
     EstimateAtPoints,
+    compute_facing_score,
     facing_log_probability,
-    facing_score,
     network_agreement,
 )
 from enliven_edge.tracking.estimator.labels import facing_in_plan
@@ -170,7 +170,7 @@ def implausibility_cost(
     )
     if network_output is None:
         return stature
-    facing = facing_score(network_output, posture, eye)
+    facing = compute_facing_score(network_output, posture, eye)
     return (
         stature
         + DISAGREEMENT_COST * (1.0 - network_agreement(network_output, posture))

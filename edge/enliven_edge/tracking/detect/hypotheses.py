@@ -138,7 +138,7 @@ BANK = _create_bank()
 """[(13, 3, 3)] the bank: rotations of postures other than standing upright, facing +Z."""
 
 
-def standing_starts(observation: Observation, eye: Float, lengths: Float) -> list[Posture]:
+def make_standing_starts(observation: Observation, eye: Float, lengths: Float) -> list[Posture]:
     """Returns standing postures below the crown: six poses of the arms, and two sideways headings.
 
     Args:

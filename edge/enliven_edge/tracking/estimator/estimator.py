@@ -204,7 +204,7 @@ def _log_softmax(logits):
 
 
 @lru_cache(maxsize=1)
-def shipped_estimator() -> PoseEstimator:
+def load_shipped_estimator() -> PoseEstimator:
     """Returns the network that was trained by ``enliven train-estimator``.
 
     Raises:

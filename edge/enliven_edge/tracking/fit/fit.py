@@ -28,7 +28,7 @@ _RELAXED = model.frame_weights(
 constrains least. The pelvis' heading is free."""
 
 
-def _touching_pairs() -> Int:
+def _find_touching_pairs() -> Int:
     """Returns (K, 2) pairs of capsules that must not intersect.
 
     These are arms with the torso, the other arm and the thighs, and one leg with the other.
@@ -57,7 +57,7 @@ def create_fit_model() -> FitModel:
     """Returns the body model in the form that the compiled fit takes as an argument."""
     c = model.CAPSULES
     skeleton = (model.FRAME_PARENTS, model.PIVOTS, model.MOVES, model.DOF_FRAME, model.DOF_AXIS)
-    surface = (c.frame, c.ends, c.radii, model.FRAME_LENGTHS, _touching_pairs())
+    surface = (c.frame, c.ends, c.radii, model.FRAME_LENGTHS, _find_touching_pairs())
     return FitModel(*skeleton, *surface, model.JOINT_FRAMES, model.JOINT_OFFSETS)
 
 

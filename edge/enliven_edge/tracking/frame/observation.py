@@ -31,7 +31,7 @@ class WorkingCamera:
         self.full = intrinsics
         self.stride = max(1, round(intrinsics.width / width))
         h, w = intrinsics.height // self.stride, intrinsics.width // self.stride
-        scaled = intrinsics.scaled(1.0 / self.stride)
+        scaled = intrinsics.scale(1.0 / self.stride)
         self.intrinsics = Intrinsics(w, h, scaled.fx, scaled.fy, scaled.cx, scaled.cy, scaled.distortion)
         self.ray = np.ascontiguousarray(pixel_rays(self.intrinsics))
         self.camera = np.array([scaled.fx, scaled.fy, scaled.cx, scaled.cy])
@@ -112,7 +112,9 @@ class Observation:
     def thin(self, step: int) -> Observation:
         """Returns a copy with every ``step``-th point."""
         points, pixels = np.ascontiguousarray(self.points[::step]), np.ascontiguousarray(self.pixels[::step])
-        surface, affinity = (np.ascontiguousarray(each[:, ::step]) for each in (self.surface, self.affinity))
+        surface, affinity = (
+            np.ascontiguousarray(array[:, ::step]) for array in (self.surface, self.affinity)
+        )
         return Observation(points, surface, pixels, self.view, self.cut, affinity, self.landmarks)
 
     @property

@@ -261,11 +261,13 @@ class HealthMonitor:
     def _update_faults(self, kind: HealthKind | None, reason: str, remedy: str = "") -> None:
         """Updates the alarms of unusable frames and reads. ``kind`` is None if the last one was usable."""
         self.fault, do = reason, remedy or CHECK_IT
-        for each in (HealthKind.SENSOR_LOST, HealthKind.BAD_FRAME, HealthKind.RESIZED):
+        for fault_kind in (HealthKind.SENSOR_LOST, HealthKind.BAD_FRAME, HealthKind.RESIZED):
             # A frame of any kind proves that the sensor is connected. If the sensor is lost, the state of its
             # frames is unknown (None).
-            wrong = None if kind is HealthKind.SENSOR_LOST and each is not kind else each is kind
-            self._alarms.update(each, wrong, self._now_ns, why=reason.rstrip("."), remedy=do.rstrip("."))
+            wrong = None if kind is HealthKind.SENSOR_LOST and fault_kind is not kind else fault_kind is kind
+            self._alarms.update(
+                fault_kind, wrong, self._now_ns, why=reason.rstrip("."), remedy=do.rstrip(".")
+            )
         self._alarms.log_changes()
 
     def _check_frame_rate(self, now: int) -> None:
@@ -297,9 +299,9 @@ class HealthMonitor:
         if covered:
             return
         rate = self._timing.rate or self._fps
-        known = depth_survey.known_fraction
-        weight = _USUAL_RISE_WEIGHT if known > self._normal else 1.0 / (rate * _USUAL_FALL_S)
-        self._normal += weight * (known - self._normal)
+        known_fraction = depth_survey.known_fraction
+        weight = _USUAL_RISE_WEIGHT if known_fraction > self._normal else 1.0 / (rate * _USUAL_FALL_S)
+        self._normal += weight * (known_fraction - self._normal)
         clear_known = 1.0 - _MAX_MISSING_FRACTION
         min_known = self._alarms.is_too_low(
             HealthKind.MISSING_DEPTH,

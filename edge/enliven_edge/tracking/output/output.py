@@ -50,9 +50,13 @@ class Output:
         self._amounts.pop(person, None)
         if amount is not None:
             self._amounts[person] = max(0.0, amount)
-            absent = [each for each in self._amounts if each not in self._people and each != person]
-            for each in absent[: max(len(self._amounts) - _MAX_AMOUNTS, 0)]:
-                del self._amounts[each]
+            absent = [
+                absent_person
+                for absent_person in self._amounts
+                if absent_person not in self._people and absent_person != person
+            ]
+            for absent_person in absent[: max(len(self._amounts) - _MAX_AMOUNTS, 0)]:
+                del self._amounts[absent_person]
         if person in self._people:
             self._people[person].set_amount(self.smoothing_amount(person))
 
@@ -110,8 +114,8 @@ class Output:
         if self._time_ns is not None and time_ns < self._time_ns:
             self._people.clear()
         self._time_ns = time_ns
-        gone = [p for p, state in self._people.items() if time_ns - state.time_ns > _FORGET_AFTER_NS]
-        for person in gone:
+        forgotten_ids = [p for p, state in self._people.items() if time_ns - state.time_ns > _FORGET_AFTER_NS]
+        for person in forgotten_ids:
             del self._people[person]
 
 

@@ -64,12 +64,12 @@ class Predictor:
             self._speed[:], self._spin[:] = 0.0, 0.0
             self._joints, self._turns, self._time_ns = joints, turns, time_ns
             return joints, turns
-        before, turned = joints if self._joints is None else self._joints, None
-        moved = predict_joints(joints, before, self._speed, delay, passed, seconds)
+        old_joints, turned = joints if self._joints is None else self._joints, None
+        moved = predict_joints(joints, old_joints, self._speed, delay, passed, seconds)
         if turns is not None:
-            since = 0.0 if self._turns is None else passed
+            elapsed_s = 0.0 if self._turns is None else passed
             facing = turns if self._turns is None else self._turns
-            turned = np.asarray(predict_rotations(turns, facing, self._spin, turn_delay, since, seconds))
+            turned = np.asarray(predict_rotations(turns, facing, self._spin, turn_delay, elapsed_s, seconds))
         self._joints, self._turns, self._time_ns = joints, turns, time_ns
         return np.asarray(moved), turned
 

@@ -10,7 +10,7 @@ from enliven.kernels import njit
 from enliven_edge.tracking.frame.observation import FrameView, sample_pixels, surface_samples
 
 
-def visible_surfaces(
+def collect_visible_surfaces(
     view: FrameView, owner: Int16, ids: Int, points: int = 1200
 ) -> dict[int, ObservedPoints]:
     """Returns points and normals of each performer's visible surface, by id, in the world frame.

@@ -83,7 +83,7 @@ _UNSEEN, _NO_SPREAD = np.zeros((0, 3)), np.zeros(0)
 
 
 @cache
-def _held_model() -> HeldArguments:
+def _choose_held_model() -> HeldArguments:
     """Returns the constant data of the model as reusable kernel arguments."""
     return hold((_SKELETON, _SURFACE, _TURNS, _JOINTS, _FIRST, _SECOND))
 
@@ -107,7 +107,7 @@ def joint_evidence(
     network = (_UNSEEN, _NO_SPREAD) if estimate is None else (estimate.joints, estimate.expected_errors)
     fit = (report.support, report.violated, report.explained)
     state = (posture.position, posture.rotations, posture.lengths)
-    observed, body = observation.held, _held_model()
+    observed, body = observation.held, _choose_held_model()
     return np.asarray(_evidence(observed, body, *state, report.information, *fit, unsupported, *network))
 
 
@@ -118,7 +118,7 @@ def _evidence(
 ):  # fmt: skip
     """Computes the (20, 17) result of :func:`joint_evidence`.
 
-    ``observed`` and ``body`` are reusable kernel arguments, ``body`` from :func:`_held_model`.
+    ``observed`` and ``body`` are reusable kernel arguments, ``body`` from :func:`_choose_held_model`.
     """
     skeleton, surface, turns, carried, first, second = body.values
     ends, radii = capsules_of(position, rotations, lengths, skeleton[0], skeleton[1], *surface)

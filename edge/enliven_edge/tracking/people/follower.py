@@ -11,7 +11,7 @@ from enliven_edge.tracking.detect.appearance import EstimateAtPoints, chest_faci
 from enliven_edge.tracking.detect.detection import detect, estimates_by_facing
 from enliven_edge.tracking.detect.fit_quality import Facing, fit_quality, total_fit_cost
 from enliven_edge.tracking.detect.recovery import PoseRecovery
-from enliven_edge.tracking.estimator.estimator import shipped_estimator
+from enliven_edge.tracking.estimator.estimator import load_shipped_estimator
 from enliven_edge.tracking.fit.fit import FitReport, Fitter
 from enliven_edge.tracking.frame.observation import FrameView, Observation
 from enliven_edge.tracking.people.confidence import joint_confidences, limit_when_seated
@@ -168,7 +168,7 @@ class Follower:
                 _MIN_PROBABILITY if view.has_floor else _MIN_FLOORLESS_PROBABILITY
             ):
                 return None
-            network, pose = shipped_estimator(), view.world_from_camera
+            network, pose = load_shipped_estimator(), view.world_from_camera
             by_facing = yield from estimates_by_facing(network, network_output.estimate, pose)
         height = settings.body_height
         posture, report = yield from detect(fitter, observation, view.eye, height, network_output, by_facing)

@@ -17,7 +17,7 @@ from enliven_edge.tracking.people.follower import MIN_PERSON_PIXELS, Follower
 from enliven_edge.tracking.people.people_finder import PeopleFinder
 from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.people.track_manager import Duplicates, TrackManager
-from enliven_edge.tracking.people.visibility import occluded_fractions
+from enliven_edge.tracking.people.visibility import compute_occluded_fractions
 from enliven_edge.tracking.segment.segmentation import Segments, segment_people
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget, frame_budget
@@ -103,7 +103,7 @@ class MultiPersonTracker:
         """Returns (K,) ids of the people by their index in the last frame's segments."""
         return np.array([p.id for p in self.track_manager.segmented], np.int64)
 
-    def moved_ids(self) -> Int:
+    def find_moved_ids(self) -> Int:
         """Returns (K,) ids like :meth:`segment_ids`, with -1 for each person who has never moved."""
         return np.array([p.id if p.has_moved else -1 for p in self.track_manager.segmented], np.int64)
 
@@ -227,7 +227,7 @@ class MultiPersonTracker:
 
         ``k`` is the person's index in the segments.
         """
-        covered, outside = occluded_fractions(view, expected, segments.owner, k)
+        covered, outside = compute_occluded_fractions(view, expected, segments.owner, k)
         has_few_pixels = bool(segments.counts[k] < 2 * MIN_PERSON_PIXELS)
         behind = covered > _HIDDEN_OCCLUSION or (
             has_few_pixels and covered > 0.5 * _HIDDEN_OCCLUSION and outside < _LEFT_IMAGE_FRACTION
@@ -252,11 +252,13 @@ class MultiPersonTracker:
         def fit() -> None:
             while True:
                 try:
-                    each = waiting.popleft()
+                    track = waiting.popleft()
                 except IndexError:  # Another thread has taken the last item.
                     return
-                each.person.follow(view, each.pixels, is_fully_visible=each.is_whole, expected=each.expected)
-                each.is_fitted = True
+                track.person.follow(
+                    view, track.pixels, is_fully_visible=track.is_whole, expected=track.expected
+                )
+                track.is_fitted = True
 
         beside = min(len(visible), self.settings.people.threads) - 1
         if beside > 0 and self._threads is None:

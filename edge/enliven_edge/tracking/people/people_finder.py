@@ -86,7 +86,7 @@ class PeopleFinder:
         """
         self._candidates.reject(place, time_ns)
 
-    def searched_pixels(self, view: FrameView) -> Bool:
+    def find_searched_pixels(self, view: FrameView) -> Bool:
         """Returns the (h, w) pixels of the candidates that are being searched."""
         searched = np.zeros(view.z.shape, bool)
         for candidate in self._search.searched_candidates:
@@ -130,7 +130,7 @@ class PeopleFinder:
             for n in candidates
             if n.shape.free_fraction > _MIN_FREE_OUTLINE or n in self._search.searched_candidates
         ]
-        hold = self._held_pixels(view, segments, free, background)
+        hold = self._find_held_pixels(view, segments, free, background)
         due = self._find_due(candidates, view, background)
         if not believe or self._has_lost_all(view):
             self._search.stop()
@@ -165,7 +165,7 @@ class PeopleFinder:
         share = min(1.0, _BLOB_BUDGET * sum(1 + len(n.unions) for n in self._search.searched_candidates))
         self._budget.remaining = max(_MIN_BUDGET, share * self._budget.remaining)
 
-    def _held_pixels(
+    def _find_held_pixels(
         self, view: FrameView, segments: Segments, free: list[Candidate], background: BackgroundModel
     ) -> Bool:
         """Returns the pixels (h, w) of free candidates, which must not be learnt as background.
@@ -185,20 +185,21 @@ class PeopleFinder:
         self, candidates: list[Candidate], view: FrameView, background: BackgroundModel
     ) -> list[Candidate]:
         """Returns the candidates to search for a body now."""
-        alone, missing = not self._tracks.people, self._tracks.has_missing_people
+        has_no_people, missing = not self._tracks.people, self._tracks.has_missing_people
         return [
             n
             for n in candidates
-            if not n.is_bystander and n.is_due(view.time_ns, background.age, alone=alone, missing=missing)
+            if not n.is_bystander
+            and n.is_due(view.time_ns, background.age, alone=has_no_people, missing=missing)
         ]
 
     def _start_search(self, due: list[Candidate], view: FrameView) -> None:
         """Starts to search candidates for bodies, unless the maximum number of people is already tracked."""
         sure = [n for n in due if n.is_convincing or n.is_confirmed]
-        most = self.settings.people.most - len(self._tracks.people)
-        if due and most > 0:
+        free_count = self.settings.people.most - len(self._tracks.people)
+        if due and free_count > 0:
             others = [n for n in due if n not in sure]
-            self._search.start(view, sure, others, alone=not self._tracks.people, max_bodies=most)
+            self._search.start(view, sure, others, alone=not self._tracks.people, max_bodies=free_count)
 
     def _move_to_frame(
         self,

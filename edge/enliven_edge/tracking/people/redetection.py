@@ -14,7 +14,7 @@ from enliven_edge.tracking.detect.appearance import (
 )
 from enliven_edge.tracking.detect.detection import detect_another, estimates_by_facing
 from enliven_edge.tracking.detect.hypotheses import align_to_estimate
-from enliven_edge.tracking.estimator.estimator import shipped_estimator
+from enliven_edge.tracking.estimator.estimator import load_shipped_estimator
 from enliven_edge.tracking.fit.fit import FitReport, Fitter
 from enliven_edge.tracking.frame.observation import FrameView, Observation, observe_person
 from enliven_edge.tracking.settings import TrackerSettings
@@ -57,7 +57,7 @@ def start_detection(
     """
     by_facing = None
     if network_output is not None:
-        network, pose = shipped_estimator(), observation.view.world_from_camera
+        network, pose = load_shipped_estimator(), observation.view.world_from_camera
         by_facing = yield from estimates_by_facing(network, network_output.estimate, pose)
     steps = detect_another(fitter, observation, network_output, eye, height, posture, by_facing, lengths)
     return (yield from steps)
@@ -77,7 +77,7 @@ def run_network(
     unknown.
     """
     camera, pose = view.camera.camera, view.world_from_camera
-    estimate = shipped_estimator().estimate(view.z, pixels, camera, pose, facing)
+    estimate = load_shipped_estimator().estimate(view.z, pixels, camera, pose, facing)
     return estimate_at_points(observation, estimate)
 
 
@@ -103,5 +103,5 @@ def estimate_with_facing(
     """Runs the network on the same crop again, conditioned on the facing of a posture."""
     facings: list[float | None] = [chest_facing(posture, view.eye)]
     return network_output.with_estimate(
-        shipped_estimator().estimates(network_output.estimate.crop, view.world_from_camera, facings)[0]
+        load_shipped_estimator().estimates(network_output.estimate.crop, view.world_from_camera, facings)[0]
     )

@@ -84,9 +84,9 @@ class BodyMeasurements:
             _DISTINCTIVE_LENGTHS
         ]
         cost = float(np.mean(relative**2)) / _PROPORTION_SPREAD**2
-        mine, theirs = self.stature, other.stature
-        if mine is not None and theirs is not None:
-            cost += ((mine - theirs) / _STATURE_SPREAD) ** 2
+        own_stature, other_stature = self.stature, other.stature
+        if own_stature is not None and other_stature is not None:
+            cost += ((own_stature - other_stature) / _STATURE_SPREAD) ** 2
         return cost
 
 
@@ -108,7 +108,7 @@ class PersonGallery:
         self.absent: list[AbsentPerson] = []
         self._last = 0
 
-    def new_id(self) -> int:
+    def make_new_id(self) -> int:
         """Returns an id that no person has had."""
         self._last += 1
         return self._last
@@ -173,8 +173,12 @@ class PersonGallery:
         (absent,), (measurements, place) = self.absent, newcomer
         if absent.place is None or not 0 <= time_ns - absent.left_ns < _BRIEF_ABSENCE_NS:
             return False
-        mine, theirs = measurements.stature, absent.measurements.stature
-        other = mine is not None and theirs is not None and abs(mine - theirs) > _MIN_STATURE_DIFFERENCE_M
+        own_stature, absent_stature = measurements.stature, absent.measurements.stature
+        other = (
+            own_stature is not None
+            and absent_stature is not None
+            and abs(own_stature - absent_stature) > _MIN_STATURE_DIFFERENCE_M
+        )
         return not other and float(np.linalg.norm((place - absent.place)[[0, 2]])) < _SAME_PLACE_M
 
     def remove(self, absent: AbsentPerson) -> None:

@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from enliven.arrays import Bool
-from enliven_edge.tracking.estimator.estimator import shipped_estimator
+from enliven_edge.tracking.estimator.estimator import load_shipped_estimator
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import FrameView
 from enliven_edge.tracking.people.follower import Follower
-from enliven_edge.tracking.people.visibility import visible_trunk_fraction
+from enliven_edge.tracking.people.visibility import compute_visible_trunk_fraction
 from enliven_edge.tracking.segment.candidate import Candidate
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import NETWORK_COST, Budget, Steps
@@ -24,7 +24,7 @@ _CERTAIN_PERSON = 0.97
 def person_probability(view: FrameView, pixels: Bool) -> float:
     """Returns the network's probability in [0, 1] that the (h, w) pixels are one person."""
     camera, pose = view.camera.camera, view.world_from_camera
-    return shipped_estimator().estimate(view.z, pixels, camera, pose, None).person_probability
+    return load_shipped_estimator().estimate(view.z, pixels, camera, pose, None).person_probability
 
 
 def classify_candidates(candidates: Iterable[Candidate], view: FrameView, budget: Budget) -> None:
@@ -112,7 +112,7 @@ class Search:
             view, sure[: min(max_bodies, MAX_TRIES if alone else 1)], detections, alone=alone
         )
         if not detections and max_bodies > 0 and (alone or not sure):
-            detections += yield from self.best_guess(view, others, alone=alone)
+            detections += yield from self.find_best_guess(view, others, alone=alone)
 
     def search_each(
         self,
@@ -174,7 +174,7 @@ class Search:
                 return body
         return (yield from Follower.detect_incrementally(view, candidate.pixels, expecting, self._fitter))
 
-    def best_guess(
+    def find_best_guess(
         self, view: FrameView, due: Sequence[Candidate], *, alone: bool
     ) -> Steps[list[ScoredDetection]]:
         """Returns the body in the likeliest doubtful candidate.
@@ -187,7 +187,7 @@ class Search:
         guesses: list[ScoredDetection] = []
         yield from self.search_each(view, due[: MAX_TRIES if alone else 1], guesses, alone=alone)
         for guess in guesses:
-            visible_trunk = visible_trunk_fraction(view, guess[1].posture, guess[0].pixels)
+            visible_trunk = compute_visible_trunk_fraction(view, guess[1].posture, guess[0].pixels)
             is_supported = (
                 visible_trunk > _MIN_VISIBLE_TRUNK and float(guess[1].confidence.mean()) > _MIN_CONFIDENCE
             )
@@ -228,7 +228,7 @@ def _is_duplicate(follower: Follower, detections: list[ScoredDetection]) -> bool
 
 def _is_certainly_person(view: FrameView, candidate: Candidate, follower: Follower, explained: float) -> bool:
     """Returns True if the evidence for a body is sufficient to accept it in an unlikely blob."""
-    visible_trunk = visible_trunk_fraction(view, follower.posture, candidate.pixels)
+    visible_trunk = compute_visible_trunk_fraction(view, follower.posture, candidate.pixels)
     return (
         min(explained, visible_trunk) > _UNLIKELY_EXPLAINED
         and float(follower.confidence.mean()) > _UNLIKELY_CONFIDENCE

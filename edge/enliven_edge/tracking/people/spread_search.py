@@ -95,5 +95,7 @@ class SpreadSearch:
         return bodies
 
     def _body_of(self, detection: ScoredDetection) -> DetectedBody:
-        candidate, centre = next((n, at) for n, copied, at in self._searched if copied is detection[0])
+        candidate, centre = next(
+            (n, centre_of_body) for n, copied, centre_of_body in self._searched if copied is detection[0]
+        )
         return DetectedBody(candidate, detection[0], centre, detection[1])

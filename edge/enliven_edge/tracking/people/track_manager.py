@@ -113,13 +113,17 @@ class TrackManager:
 
     def expects_return(self, place: Float) -> bool:
         """Returns True if a person was lost near a (3,) place."""
-        if any(float(np.linalg.norm((place - at)[[0, 2]])) < _RETURN_RADIUS_M for at in self._dropped):
+        if any(
+            float(np.linalg.norm((place - lost_place)[[0, 2]])) < _RETURN_RADIUS_M
+            for lost_place in self._dropped
+        ):
             return True
         if len(self.gallery.absent) <= sum(1 for p in self.people if p.id == UNDECIDED):
             return False
         lost = [a.place for a in self.gallery.absent]
         return any(
-            at is None or float(np.linalg.norm((place - at)[[0, 2]])) < _RETURN_RADIUS_M for at in lost
+            lost_place is None or float(np.linalg.norm((place - lost_place)[[0, 2]])) < _RETURN_RADIUS_M
+            for lost_place in lost
         )
 
     def settings_for_candidate(self, candidate: Candidate, time_ns: int) -> TrackerSettings:
@@ -140,15 +144,15 @@ class TrackManager:
 
         People much shorter than the candidate are excluded.
         """
-        best, least = None, np.inf
+        best, min_distance = None, np.inf
         for person in self.people:
             if person.hidden_ns is None:
                 continue
             distance = float(np.linalg.norm((person.place - candidate.centre)[[0, 2]]))
             stature = person.measurements.stature
             taller = stature is not None and candidate.shape.crown > stature + _CROWN_TOLERANCE_M
-            if distance < min(least, person.search_radius(time_ns)) and not taller:
-                best, least = person, distance
+            if distance < min(min_distance, person.search_radius(time_ns)) and not taller:
+                best, min_distance = person, distance
         return best
 
     def start_track(
@@ -182,7 +186,9 @@ class TrackManager:
             self.people.append(person)
             self.decide_identities(time_ns)
         self._dropped = [
-            at for at in self._dropped if np.linalg.norm((person.place - at)[[0, 2]]) > _RETURN_RADIUS_M
+            lost_place
+            for lost_place in self._dropped
+            if np.linalg.norm((person.place - lost_place)[[0, 2]]) > _RETURN_RADIUS_M
         ]
         return person
 
@@ -203,7 +209,7 @@ class TrackManager:
             elif self.lock.is_closed:
                 self.people.remove(person)
             else:
-                person.id = self.gallery.new_id()
+                person.id = self.gallery.make_new_id()
 
     def _adopt_identity(self, person: Person, absent: AbsentPerson) -> None:
         """Assigns the id and the looks of an absent person to a person."""

@@ -30,7 +30,9 @@ _TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
 """The capsules of trunk, neck and head."""
 
 
-def occluded_fractions(view: FrameView, posture: Posture, owner: Int16, index: int) -> tuple[float, float]:
+def compute_occluded_fractions(
+    view: FrameView, posture: Posture, owner: Int16, index: int
+) -> tuple[float, float]:
     """Returns the fractions of a body that are occluded and outside the image, each in [0, 1].
 
     Args:
@@ -44,16 +46,16 @@ def occluded_fractions(view: FrameView, posture: Posture, owner: Int16, index: i
     return hidden, outside
 
 
-def visible_trunk_fraction(view: FrameView, posture: Posture, pixels: Bool) -> float:
+def compute_visible_trunk_fraction(view: FrameView, posture: Posture, pixels: Bool) -> float:
     """Returns the fraction in [0, 1] of the visible trunk and head that is on the (h, w) ``pixels``."""
     ends, radii = posture.capsules()
     view_arguments = (view.z, pixels.astype(np.int16), 1, view.camera.camera, view.world_from_camera)
-    inside, covered, own = _samples(ends[_TRUNK], radii[_TRUNK], *view_arguments)
-    is_visible = inside & ~(covered & ~own)
+    inside, covered, own_pixels = _samples(ends[_TRUNK], radii[_TRUNK], *view_arguments)
+    is_visible = inside & ~(covered & ~own_pixels)
     return (
-        float((own & is_visible).sum() / len(own))
+        float((own_pixels & is_visible).sum() / len(own_pixels))
         if is_visible.mean() < _MIN_TRUNK_FRACTION
-        else float(own[is_visible].mean())
+        else float(own_pixels[is_visible].mean())
     )
 
 
@@ -91,7 +93,7 @@ def _samples(ends, radii, depth, owner, mine, camera, pose):
 
 @njit(cache=True, nogil=True)
 def _hidden(ends, radii, depth, owner, mine, camera, pose):
-    """Computes :func:`occluded_fractions` from the samples."""
+    """Computes :func:`compute_occluded_fractions` from the samples."""
     seen = _samples(ends, radii, depth, owner, mine, camera, pose)
     count, hidden, inside = seen.shape[1], 0, 0
     for n in range(count):

@@ -153,11 +153,11 @@ class BackgroundModel:
         Args:
             z: (h, w) metres of this frame.
         """
-        still = (self.z == 0.0) & (self._state.still > _FURNITURE_AFTER_S)
-        still[still] = np.abs(z[still] - self._state.still_z[still]) < (
-            _DEPTH_NOISE_M + _DEPTH_NOISE_PER_M * z[still] ** 2
+        is_still = (self.z == 0.0) & (self._state.still > _FURNITURE_AFTER_S)
+        is_still[is_still] = np.abs(z[is_still] - self._state.still_z[is_still]) < (
+            _DEPTH_NOISE_M + _DEPTH_NOISE_PER_M * z[is_still] ** 2
         )
-        return np.asarray(still)
+        return np.asarray(is_still)
 
     def absorb(self, where: Bool) -> None:
         """Learns the recent constant depth as background at the (h, w) pixels ``where``."""

@@ -57,7 +57,7 @@ def world_from_floor(
     plane = _best_plane(points, tolerance, up, np.cos(within), lowest, _MAX_SENSOR_HEIGHT_M, trials)
     if not plane.any():
         return None
-    pose = world_above_floor(plane[:3], float(plane[3]))
+    pose = raise_world_above_floor(plane[:3], float(plane[3]))
     level = np.ascontiguousarray((points @ pose[:3, :3].T + pose[:3, 3]).T)
     fitted, _ = _level_plane(level, np.ascontiguousarray(points[:, 2]))
     return _level_mounting(pose, fitted, 1.0)
@@ -113,7 +113,7 @@ def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):
     return plane
 
 
-def world_above_floor(normal: Float, height: float) -> Float:
+def raise_world_above_floor(normal: Float, height: float) -> Float:
     """Returns (4, 4) world_from_camera for a floor with the (3,) upward normal, ``height`` metres below the
     sensor.
     """

@@ -14,7 +14,7 @@ from enliven_edge.tracking.scene.background_model import Agreement
 from enliven_edge.tracking.scene.floor import (
     MAX_FLOOR_TILT,
     correct_mounting,
-    world_above_floor,
+    raise_world_above_floor,
     world_from_floor,
 )
 from enliven_edge.tracking.settings import SceneSettings
@@ -200,10 +200,12 @@ class Mounting:
         if self._pose_stated:
             return
         differs = agreement.nearer + agreement.farther
-        enough = agreement.compared > 0.1 * view.z.size
+        has_enough_pixels = agreement.compared > 0.1 * view.z.size
         moved = differs > _MOVED_FRACTION and agreement.farther > _MIN_FARTHER_FRACTION
-        self._suspicious = self._suspicious + 1 if moved and enough else 0
-        self._differing = self._differing + 1 if differs > _CHECK_FRACTION * _MOVED_FRACTION and enough else 0
+        self._suspicious = self._suspicious + 1 if moved and has_enough_pixels else 0
+        self._differing = (
+            self._differing + 1 if differs > _CHECK_FRACTION * _MOVED_FRACTION and has_enough_pixels else 0
+        )
         looked = self._differing % _CHECK_INTERVAL_FRAMES == _SUSPICIOUS_FRAMES
         if self._suspicious >= _SUSPICIOUS_FRAMES or (looked and self._floor_is_elsewhere(view, people)):
             self._differing = 0
@@ -237,7 +239,7 @@ class Mounting:
         pose = world_from_floor(points, self.settings.upside_down)
         if pose is None:
             return False
-        return not _same_floor(pose, self.world_from_camera)
+        return not _is_same_floor(pose, self.world_from_camera)
 
     def _set_stated_pose(self, stated: Float) -> None:
         """Sets the pose to the (4, 4) pose that the sensor reports."""
@@ -249,7 +251,9 @@ class Mounting:
     def _track_fall(self, z: Float, time_ns: int) -> None:
         """Tracks the floor in a frame of a sensor that is being moved, until the image is still."""
         assert self._before is not None
-        self._still = self._still + 1 if _unchanged_fraction(z, self._before) > _MIN_STILL_FRACTION else 0
+        self._still = (
+            self._still + 1 if _compute_unchanged_fraction(z, self._before) > _MIN_STILL_FRACTION else 0
+        )
         self._before = z
         self._follow_floor(z)
         if self._still >= _STILL_FRAMES or not 0 <= time_ns - self._fell_ns < _MAX_FALL_NS:
@@ -283,9 +287,11 @@ class Mounting:
         self._floor_searches += 1
         if self._floor_searches % _FLOOR_SEARCH_FRAMES != 1:
             return
-        points, before = unproject_depth(z * 1e3, self.camera.ray)[has_depth], self._suggested
+        points, old_suggestion = unproject_depth(z * 1e3, self.camera.ray)[has_depth], self._suggested
         self._suggested = pose = self._find_floor(points)
-        if pose is not None and (no_people or (before is not None and _same_floor(pose, before))):
+        if pose is not None and (
+            no_people or (old_suggestion is not None and _is_same_floor(pose, old_suggestion))
+        ):
             self.world_from_camera, self._floor_known, self.has_new_floor = pose, True, not no_people
         elif pose is None and no_people:
             self._place_by_guess(points)
@@ -297,13 +303,13 @@ class Mounting:
         if self._floor_searches % _FLOOR_SEARCH_FRAMES != 1 or has_depth.mean() < _MIN_DEPTH_FRACTION:
             return
         self._checks_left -= 1
-        points, before = unproject_depth(z * 1e3, self.camera.ray)[has_depth], self._suggested
+        points, old_suggestion = unproject_depth(z * 1e3, self.camera.ray)[has_depth], self._suggested
         self._suggested = self._find_floor(points)
         if self._suggested is None or self.world_from_camera is None:
             return
-        if _same_floor(self._suggested, self.world_from_camera):
+        if _is_same_floor(self._suggested, self.world_from_camera):
             self._checks_left = 0
-        elif before is not None and _same_floor(self._suggested, before):
+        elif old_suggestion is not None and _is_same_floor(self._suggested, old_suggestion):
             self._checks_left = 0
             self.world_from_camera, self.has_new_pose, self.needs_people_search = self._suggested, True, True
 
@@ -323,7 +329,7 @@ class Mounting:
         """
         assert self.world_from_camera is not None
         if self.down is not None:
-            self.world_from_camera = world_above_floor(-self.down, self._guess)
+            self.world_from_camera = raise_world_above_floor(-self.down, self._guess)
         if self.settings.height > 0.0 or self._floor_searches > 1:
             return
         near_points = points[points[:, 2] < self.settings.far]
@@ -334,13 +340,13 @@ class Mounting:
             self.world_from_camera, self._guess = pose, float(pose[1, 3])
 
 
-def _same_floor(first: Float, second: Float) -> bool:
+def _is_same_floor(first: Float, second: Float) -> bool:
     """Returns True if two (4, 4) poses of the sensor have the same floor, within detection noise."""
     turned = float(np.arccos(np.clip(first[1, :3] @ second[1, :3], -1.0, 1.0)))
     return turned <= _MOVED_ANGLE and abs(float(first[1, 3] - second[1, 3])) <= _MOVED_HEIGHT_M
 
 
-def _unchanged_fraction(z: Float, previous_z: Float) -> float:
+def _compute_unchanged_fraction(z: Float, previous_z: Float) -> float:
     """Returns the fraction of nearly unchanged pixels among those known in both frames."""
     is_known = (z > 0) & (previous_z > 0)
     count = max(1, int(np.count_nonzero(is_known)))

@@ -151,9 +151,12 @@ class Candidates:
 
     def _is_refused(self, centre: Float, time_ns: int) -> bool:
         """Returns True if an object near ``centre`` (3,) was recently mistaken for a person."""
-        self._refused = [(at, t) for at, t in self._refused if 0 <= time_ns - t < _REFUSED_FOR_NS]
+        self._refused = [
+            (refused_place, t) for refused_place, t in self._refused if 0 <= time_ns - t < _REFUSED_FOR_NS
+        ]
         return any(
-            float(np.linalg.norm((at - centre)[[0, 2]])) < _REFUSED_RADIUS_M for at, _ in self._refused
+            float(np.linalg.norm((refused_place - centre)[[0, 2]])) < _REFUSED_RADIUS_M
+            for refused_place, _ in self._refused
         )
 
 

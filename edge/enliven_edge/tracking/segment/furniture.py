@@ -54,9 +54,9 @@ def find_furniture(
         floor: metres above the floor up to which a pixel belongs to the floor.
     """
     furniture = still & (view.z > 0.0) & (view.points[..., 1] > floor)
-    theirs = furniture & (owner >= 0)
-    if theirs.any():
-        furniture &= ~pixels_near_bodies(view, people, floor, MAX_CLOTHES_DISTANCE_M, theirs)
+    person_furniture = furniture & (owner >= 0)
+    if person_furniture.any():
+        furniture &= ~pixels_near_bodies(view, people, floor, MAX_CLOTHES_DISTANCE_M, person_furniture)
     if furniture.any():
         furniture[furniture] = ~_overlaps_bodies(
             np.ascontiguousarray(view.points[furniture], np.float32), view, people
@@ -70,7 +70,7 @@ def _overlaps_bodies(points: Float32, view: FrameView, people: Sequence[Posture]
     """
     overlaps = np.zeros(len(points), bool)
     for posture in people:
-        ends, radii = (each[_BODY_MODEL] for each in posture.capsules())
+        ends, radii = (values[_BODY_MODEL] for values in posture.capsules())
         overlaps |= (
             ray_clearances(points, view.eye.astype(np.float32), _SEARCH_START_M, _SEARCH_END_M, ends, radii)
             < _MAX_RAY_DISTANCE_M

@@ -205,7 +205,9 @@ def _parts_before_walls(view: FrameView, kind: UInt8, rest: Bool, walls: Bool) -
     if not walls.any():
         return []
     parts = [
-        part for group in _largest_parts(view, kind, rest, 1.0) for part in split_people(view.points, group)
+        part
+        for group in _find_largest_parts(view, kind, rest, 1.0)
+        for part in split_people(view.points, group)
     ]
     return [
         part for part in parts if quantile(np.sort(view.points[..., 1][part]), 0.99) > MIN_STANDING_CROWN_M
@@ -214,10 +216,10 @@ def _parts_before_walls(view: FrameView, kind: UInt8, rest: Bool, walls: Bool) -
 
 def _split_at_small_steps(view: FrameView, kind: UInt8, mask: Bool) -> list[Bool]:
     """Returns the parts of a group within smaller depth steps, such as a person next to a wall."""
-    return _largest_parts(view, kind, mask, _STEP_FACTOR)
+    return _find_largest_parts(view, kind, mask, _STEP_FACTOR)
 
 
-def _largest_parts(view: FrameView, kind: UInt8, mask: Bool, tightness: float) -> list[Bool]:
+def _find_largest_parts(view: FrameView, kind: UInt8, mask: Bool, tightness: float) -> list[Bool]:
     """Returns the largest connected parts of a mask. The maximum depth step is scaled by ``tightness``."""
     places = pixels_of(mask & (kind != BACKGROUND) & (kind != UNLIKELY))
     labels, count = label_groups(view.z, places, tightness)

@@ -126,7 +126,7 @@ def segment_people(
         if (counts_before != counts).any():
             # The owners have changed, so count again which people each group touches.
             table = _group_measures(view, pixels, labels, groups, owner, count)
-            loose = [replace(each, contact=table[each.label, 15:].astype(np.int64)) for each in loose]
+            loose = [replace(group, contact=table[group.label, 15:].astype(np.int64)) for group in loose]
     return Segments(owner, labels, loose, counts)
 
 
@@ -146,7 +146,7 @@ def pixels_near_bodies(
     if among is not None:
         kind[~among] = BACKGROUND
     owner, distance = np.full(kind.shape, -1, np.int16), np.full(kind.shape, np.inf)
-    ends, radii = (np.stack(each) for each in zip(*(p.capsules() for p in postures), strict=True))
+    ends, radii = (np.stack(values) for values in zip(*(p.capsules() for p in postures), strict=True))
     boxes, none = image_boxes(view, ends, radii, reach), np.zeros(len(postures))
     label_pixels(view.points, kind, boxes, ends, radii, none, reach, reach, owner, distance)
     return np.asarray(owner >= 0)
@@ -264,7 +264,7 @@ def _classify_groups(table: Float) -> tuple[list[LooseGroup], Int]:
     """
     area, joined = table[:, 0], _limb_owners(table)
     large = np.flatnonzero((area >= MIN_GROUP_AREA_M2) & (joined < 0))
-    return [_loose_group(int(g), table[g]) for g in sorted(large, key=lambda g: -area[g])], joined
+    return [_make_loose_group(int(g), table[g]) for g in sorted(large, key=lambda g: -area[g])], joined
 
 
 @njit(cache=True, nogil=True)
@@ -281,7 +281,7 @@ def _limb_owners(table):
     return joined
 
 
-def _loose_group(g: int, row: Float) -> LooseGroup:
+def _make_loose_group(g: int, row: Float) -> LooseGroup:
     top, left, bottom, right = (int(x) for x in row[11:15])
     centre, contact = row[7:10] / row[10], row[15:].astype(np.int64)
     return LooseGroup(g, float(row[0]), row[1:4], row[4:7], centre, contact, (top, left, bottom, right))

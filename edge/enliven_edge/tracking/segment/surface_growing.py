@@ -113,7 +113,7 @@ def reassign_detached_pieces(owner: Int16, z: Float, counts: Int) -> Int:
         # If two people touch nowhere, nothing changes. Depths are above 0, so the limit 0 applies everywhere.
         return counts
     number, owner_of, size = _label_pieces(_union_pixels(owner, z), owner)
-    largest = np.array([_largest_piece(owner_of, size, k) for k in range(len(counts))])
+    largest = np.array([_find_largest_piece(owner_of, size, k) for k in range(len(counts))])
     contacts = _count_contacts(owner, z, number, owner_of, largest)
     other = contacts.argmax(1)
     loose = (np.arange(len(size)) != largest[owner_of]) & (contacts.max(1) >= _MIN_CONTACT_PIXELS)
@@ -125,10 +125,10 @@ def reassign_detached_pieces(owner: Int16, z: Float, counts: Int) -> Int:
     return counts
 
 
-def _largest_piece(owner_of: Int, size: Int, person: int) -> int:
+def _find_largest_piece(owner_of: Int, size: Int, person: int) -> int:
     """Returns the number of a person's largest piece, or -1 without any piece."""
-    own = np.flatnonzero(owner_of == person)
-    return int(own[size[own].argmax()]) if len(own) else -1
+    pieces = np.flatnonzero(owner_of == person)
+    return int(pieces[size[pieces].argmax()]) if len(pieces) else -1
 
 
 @njit(cache=True, nogil=True)

@@ -65,15 +65,15 @@ def build_cells(positions: Float, edges: Int, weights: Float, eliminated: Int32)
     e = positions[i] - positions[j]
     spokes = np.concatenate([w[:, None] * e, w[:, None]], 1)
     start = np.concatenate([[0], np.cumsum(np.bincount(i, minlength=count))]).astype(np.int32)
-    middle = np.stack([_weighted_sums(i, spokes[:, k], count) for k in range(4)], 1)
+    middle = np.stack([_compute_weighted_sums(i, spokes[:, k], count) for k in range(4)], 1)
     pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-    rest = np.stack([_weighted_sums(i, w * e[:, a] * e[:, b], count) for a, b in pairs], 1)
+    rest = np.stack([_compute_weighted_sums(i, w * e[:, a] * e[:, b], count) for a, b in pairs], 1)
     size = rest[:, [0, 3, 5]].sum(1)
     flat = (spokes.ravel().copy(), middle.ravel().copy(), rest.ravel().copy())
     return Cells(start, j.astype(np.int32), *flat, size, eliminated)
 
 
-def _weighted_sums(i: Int, values: Float, count: int) -> Float:
+def _compute_weighted_sums(i: Int, values: Float, count: int) -> Float:
     return np.asarray(np.bincount(i, values, count), np.float64)
 
 

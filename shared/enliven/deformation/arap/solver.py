@@ -134,7 +134,7 @@ class ArapSolver:
             held = build_held_vertices(factor, eliminated, places[is_used], soft[is_used], self._columns)
         kept_targets = {h.name: self._wanted[h.name] for h in handles if self.handles.get(h.name) == h}
         self._held, self._chosen, self._places = held, np.flatnonzero(is_used), places
-        self._exact = self._hard_vertices(places, np.flatnonzero(is_used & (soft == 0.0)))
+        self._exact = self._find_hard_vertices(places, np.flatnonzero(is_used & (soft == 0.0)))
         self.handles = {handle.name: handle for handle in handles}
         self._wanted = {h.name: kept_targets.get(h.name, self.pose[list(h.vertices)]) for h in handles}
 
@@ -274,7 +274,7 @@ class ArapSolver:
         compute_vertex_maps(surface.cells, frames, self.pose, surface.place_of, self.mesh.vertices, out)
         return out
 
-    def _hard_vertices(self, places: Int, hard: Int) -> tuple[Int, Int]:
+    def _find_hard_vertices(self, places: Int, hard: Int) -> tuple[Int, Int]:
         """Returns the mesh's vertices (X,) that belong to hard handles, including welded vertices, and the
         row (X,) of the targets for each.
         """

@@ -12,8 +12,8 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from enliven.arrays import Bool, Float, Int
 from enliven.deformation.arap.cells import Cells, build_cells
 from enliven.deformation.arap.factor import Factor, factorise
-from enliven.deformation.arap.volume import Volume, enclosed_volume
-from enliven.deformation.arap.weights import VIRTUAL_EDGE_WEIGHT, surface_edges, virtual_edges
+from enliven.deformation.arap.volume import Volume, compute_enclosed_volume
+from enliven.deformation.arap.weights import VIRTUAL_EDGE_WEIGHT, find_virtual_edges, surface_edges
 from enliven.deformation.graph.connectivity import label_components
 from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
@@ -86,7 +86,7 @@ def prepare_surface(mesh: Mesh, max_vertices: int, links: Int | None = None) -> 
     edges = np.concatenate([edges, extra_links])
     weights = np.concatenate([weights, np.full(len(extra_links), VIRTUAL_EDGE_WEIGHT)])
     shells = int(label_components(len(points), edges).max()) + 1
-    links, link_weights = virtual_edges(points, edges)
+    links, link_weights = find_virtual_edges(points, edges)
     if shells > 1:
         notes.append(f"{shells} separate shells were joined by {len(links)} virtual edges.")
     edges, weights = np.concatenate([edges, links]), np.concatenate([weights, link_weights])
@@ -99,7 +99,7 @@ def prepare_surface(mesh: Mesh, max_vertices: int, links: Int | None = None) -> 
     eliminated = np.empty(len(points), np.int32)
     eliminated[factor.order] = np.arange(len(points))
     cells = build_cells(rest, edges, weights, eliminated)
-    volume = enclosed_volume(rest, place_of[welded.faces], cells, factor)
+    volume = compute_enclosed_volume(rest, place_of[welded.faces], cells, factor)
     return PreparedSurface(
         place_of[welded_of],
         rest,

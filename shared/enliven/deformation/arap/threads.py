@@ -43,7 +43,7 @@ class ThreadChoice:
 
     def record_duration(self, threads: int, seconds: float) -> None:
         """Records the duration in seconds of a call with this number of threads."""
-        self._least = [least * _TIME_INFLATION_FACTOR for least in self._least]
+        self._least = [duration * _TIME_INFLATION_FACTOR for duration in self._least]
         self._least[threads - 1] = min(seconds, self._least[threads - 1])
 
 

@@ -50,7 +50,7 @@ class Volume(NamedTuple):
     ease: float
 
 
-def enclosed_volume(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Volume | None:
+def compute_enclosed_volume(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Volume | None:
     """Returns the volume of a surface with the positions ``rest`` (P, 3) in metres, or None if it encloses no
     volume."""
     sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)

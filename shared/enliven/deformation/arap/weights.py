@@ -52,7 +52,7 @@ def surface_edges(vertices: Float, faces: Int32) -> tuple[Int, Float]:
     return np.stack([keys // count, keys % count], 1), np.maximum(weights, MIN_EDGE_WEIGHT)
 
 
-def virtual_edges(vertices: Float, edges: Int) -> tuple[Int, Float]:
+def find_virtual_edges(vertices: Float, edges: Int) -> tuple[Int, Float]:
     """Returns (J, 2) edges that join all shells at their nearest vertices, and (J,) the weights of these
     edges.
 
@@ -64,7 +64,7 @@ def virtual_edges(vertices: Float, edges: Int) -> tuple[Int, Float]:
     edge_groups: list[Int] = []
     label = label_components(count, edges)
     if label.max() >= _MAX_EXACTLY_JOINED_SHELLS:
-        edge_groups.append(_near_neighbours(vertices, label))
+        edge_groups.append(_find_near_neighbours(vertices, label))
         label = label_components(count, np.concatenate([edges, *edge_groups]))
     while label.max() > 0:
         sizes = np.bincount(label)
@@ -88,7 +88,9 @@ def _joining_edges(vertices: Float, inside: Int, outside: Int, label: Int) -> In
     inner, outer = int(inside[first]), int(outside[nearest[first]])
     outer_shell = np.flatnonzero(label == label[outer])
     middle = (vertices[inner] + vertices[outer]) / 2
-    inner_group, outer_group = (_nearest_vertices(vertices, group, middle) for group in (inside, outer_shell))
+    inner_group, outer_group = (
+        _find_nearest_vertices(vertices, group, middle) for group in (inside, outer_shell)
+    )
     links = [(inner, outer)]
     inner_tree, outer_tree = (
         scipy.spatial.cKDTree(vertices[vertices_of]) for vertices_of in (inner_group, outer_group)
@@ -98,14 +100,14 @@ def _joining_edges(vertices: Float, inside: Int, outside: Int, label: Int) -> In
     return np.array(links, np.int64)
 
 
-def _nearest_vertices(vertices: Float, group: Int, middle: Float) -> Int:
+def _find_nearest_vertices(vertices: Float, group: Int, middle: Float) -> Int:
     """Returns the vertices of ``group`` that are nearest to the point ``middle`` (3,), the number of links of
     a joint."""
     distance = np.linalg.norm(vertices[group] - middle, axis=1)
     return group[np.argsort(distance, kind="stable")[:_LINKS_PER_SHELL]]
 
 
-def _near_neighbours(vertices: Float, label: Int) -> Int:
+def _find_near_neighbours(vertices: Float, label: Int) -> Int:
     """Returns the shortest edges (L, 2) that join shells, among the edges to each vertex's 16 nearest
     vertices.
     """

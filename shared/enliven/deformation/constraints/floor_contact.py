@@ -173,7 +173,7 @@ class FloorContact:
         foot.last = points
         is_down = points[:, 1].min() < floor + settings.touch * height
         if foot.contact_points is not None and foot.nodes_at_contact is not None:
-            foot.free_points = _carried_points(foot.nodes_at_contact, upper_nodes, foot.contact_points)
+            foot.free_points = _carry_points(foot.nodes_at_contact, upper_nodes, foot.contact_points)
             is_far = (
                 float(np.linalg.norm((foot.free_points - foot.contact_points).mean(0)))
                 > settings.give * height
@@ -214,7 +214,7 @@ class FloorContact:
         ]
 
 
-def _carried_points(start: Float, end: Float, points: Float) -> Float:
+def _carry_points(start: Float, end: Float, points: Float) -> Float:
     """Fits the rigid motion over the floor that best moves ``start`` to ``end`` (M, 2) (Procrustes), and
     applies it to ``points`` (P, 2)."""
     start_offsets, end_offsets = start - start.mean(0), end - end.mean(0)

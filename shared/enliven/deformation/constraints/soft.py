@@ -92,19 +92,19 @@ def subsample_on_grid(points: Float | Float32, max_count: int) -> Int:
         return np.arange(len(points))
     low = points.min(0)
     cell = float(np.linalg.norm(np.ptp(points, axis=0))) / max(max_count, 1) ** 0.5 + 1e-12
-    indices = _first_point_per_cell(points, low, cell)
+    indices = _find_first_point_per_cell(points, low, cell)
     while len(indices) < max_count:
         cell, previous = cell / 1.25, indices
-        indices = _first_point_per_cell(points, low, cell)
+        indices = _find_first_point_per_cell(points, low, cell)
         if len(indices) > max_count:
             return previous
     while len(indices) > max_count:
         cell *= 1.1
-        indices = _first_point_per_cell(points, low, cell)
+        indices = _find_first_point_per_cell(points, low, cell)
     return indices
 
 
-def _first_point_per_cell(points: Float | Float32, low: Float | Float32, cell: float) -> Int:
+def _find_first_point_per_cell(points: Float | Float32, low: Float | Float32, cell: float) -> Int:
     """Returns the index (K,) of the first point in each occupied cell of a grid with the corner ``low`` (3,)
     and cells of ``cell`` metres."""
     cells = np.floor((points - low) / cell).astype(np.int64)

@@ -50,9 +50,9 @@ def _fastest_run_ms(function: Callable[[], object]) -> float:
     """Returns the milliseconds of the fastest of several runs. An additional first run compiles the
     kernels."""
     function()
-    least = float("inf")
+    fastest_ms = float("inf")
     for _ in range(_TIMING_REPEATS):
         begin = time.perf_counter()
         function()
-        least = min(least, 1e3 * (time.perf_counter() - begin))
-    return max(least, 1e-6)
+        fastest_ms = min(fastest_ms, 1e3 * (time.perf_counter() - begin))
+    return max(fastest_ms, 1e-6)

@@ -98,7 +98,7 @@ class DeformationGraph:
         welded = weld(mesh)
         samples = sample_poisson_disk(mesh, nodes, radius, seed, welded)
         net = build_net(mesh, _mean_spacing(mesh.area, len(samples.positions)), welded)
-        return _linked_graph(samples, voronoi_cells(net, samples.positions, samples.faces))
+        return _link_graph(samples, voronoi_cells(net, samples.positions, samples.faces))
 
     @staticmethod
     def from_nodes(mesh: Mesh, positions: Float, edges: Int32) -> DeformationGraph:
@@ -182,7 +182,7 @@ def _mean_spacing(area: float, count: int) -> float:
     return float(np.sqrt(area / count))
 
 
-def _opposite_face_nodes(positions: Float, normals: Float, spacing: float) -> Bool:
+def _find_opposite_face_nodes(positions: Float, normals: Float, spacing: float) -> Bool:
     """Returns (N, N) true for nodes on the two faces of a part that is thinner than half the node spacing.
 
     Each of two such nodes is behind the other's surface, at a small depth. (The nodes of two adjacent legs
@@ -194,7 +194,7 @@ def _opposite_face_nodes(positions: Float, normals: Float, spacing: float) -> Bo
     return np.asarray(is_behind & is_behind.T & (np.linalg.norm(offsets, axis=2) < 2 * spacing))
 
 
-def _linked_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGraph:
+def _link_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGraph:
     """Returns the graph that links the samples with their neighbours."""
     count = len(samples.positions)
     spacing = _mean_spacing(cells.net.mesh.area, count)
@@ -209,10 +209,12 @@ def _linked_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGr
         detours, np.inf, distances[np.isfinite(distances)].max(initial=0.0) + surface_distances
     )
     np.fill_diagonal(surface_ranking, np.inf)
-    edges = _nearest_edges(np.where(is_far | np.isinf(distances), surface_ranking, distances), NEIGHBOURS)
-    is_opposite = _opposite_face_nodes(samples.positions, samples.normals, spacing) & ~detours
+    edges = _find_nearest_edges(
+        np.where(is_far | np.isinf(distances), surface_ranking, distances), NEIGHBOURS
+    )
+    is_opposite = _find_opposite_face_nodes(samples.positions, samples.normals, spacing) & ~detours
     opposite_distances = np.where(is_opposite, straight_distances, np.inf)
-    edges = np.concatenate([edges, _nearest_edges(opposite_distances, 1)])
+    edges = np.concatenate([edges, _find_nearest_edges(opposite_distances, 1)])
     shell_distances = np.where(np.isfinite(distances), distances, straight_distances)
     # Prefer paths along the surface: make every link between shells longer than all of these paths.
     longest_path = float(surface_distances[np.isfinite(surface_distances)].max(initial=0.0))
@@ -233,7 +235,7 @@ def _linked_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGr
     )
 
 
-def _nearest_edges(distances: Float, k: int) -> Int32:
+def _find_nearest_edges(distances: Float, k: int) -> Int32:
     """Returns (E, 2) undirected edges i < j from every node to its k nearest nodes at a finite distance."""
     k = min(k, len(distances) - 1)
     if k < 1:

@@ -58,8 +58,8 @@ def sample_uniform_points(
     sample_positions = (np.arange(count) + rng.random(count)) / count * total
     faces = np.minimum(np.searchsorted(along, sample_positions), len(along) - 1)
     a, b = rng.random((2, count))
-    over = a + b > 1
-    a, b = np.where(over, 1 - a, a), np.where(over, 1 - b, b)
+    is_outside = a + b > 1
+    a, b = np.where(is_outside, 1 - a, a), np.where(is_outside, 1 - b, b)
     weights = np.stack([1 - a - b, a, b], -1)[..., None]
     return _surface_points(mesh, faces, weights, welded or weld(mesh))
 
@@ -182,13 +182,15 @@ def sample_poisson_disk(
     order = rng.permutation(len(darts.positions))
     positions, normals = darts.positions[order], darts.normals[order]
     if radius is None:
-        radius, accepted = _largest_sample_radius(nodes, positions, normals, np.sqrt(area / nodes))
+        radius, accepted = _compute_largest_sample_radius(nodes, positions, normals, np.sqrt(area / nodes))
     else:
         accepted = throw_darts(positions, normals, radius)
     return SurfaceSamples(positions[accepted], normals[accepted], darts.faces[order][accepted], float(radius))
 
 
-def _largest_sample_radius(count: int, positions: Float, normals: Float, radius: float) -> tuple[float, Int]:
+def _compute_largest_sample_radius(
+    count: int, positions: Float, normals: Float, radius: float
+) -> tuple[float, Int]:
     """Returns the largest radius that gives at least ``count`` points, and the indices (count,) of the first
     of these points."""
     min_radius, max_radius = radius, radius

@@ -48,7 +48,7 @@ def stiffness_at(positions: Float, spots: tuple[Spot, ...]) -> Float | None:
     return np.asarray(np.exp(logarithm))
 
 
-def painted_stiffness(character: Character) -> Float | None:
+def compute_painted_stiffness(character: Character) -> Float | None:
     """Returns the painted factor (N,) around each node: the weighted geometric mean of its vertices' factors.
 
     A node without vertices has the factor 1. Returns None if nothing is painted.

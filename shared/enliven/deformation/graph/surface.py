@@ -97,7 +97,7 @@ def build_net(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None
         welded: the result of :func:`enliven.meshes.mesh.weld` for the mesh, if it is known.
     """
     welded_mesh, welded_of = welded or weld(mesh)
-    vertices, faces, origin = _subdivided_mesh(welded_mesh, _MAX_EDGE_IN_SPACINGS * spacing)
+    vertices, faces, origin = _subdivide_mesh(welded_mesh, _MAX_EDGE_IN_SPACINGS * spacing)
     cell = spacing / _CELLS_PER_SPACING
     cells = kernels.grid_cells(vertices, cell)
     label, count = kernels.cluster_vertices(faces, cells)
@@ -120,7 +120,7 @@ def build_net(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None
     )
 
 
-def _subdivided_mesh(welded: Mesh, longest: float) -> tuple[Float, Int32, Int | None]:
+def _subdivide_mesh(welded: Mesh, longest: float) -> tuple[Float, Int32, Int | None]:
     """Returns the vertices (W, 3) and faces (G, 3) of a subdivided mesh, and (G,) the original face that
     contains each face. The last is None if no face was subdivided.
     """

@@ -77,7 +77,7 @@ def find_limb_ends(mesh: Mesh, max_count: int = 12, nodes: int = _NET_NODE_COUNT
     # The submesh excludes vertices without a face.
     surface = extract_submesh(mesh, np.ones(len(mesh.faces), np.bool_))
     net = build_net(surface, float(np.sqrt(mesh.area / nodes)))
-    links = _joined_net_edges(net)
+    links = _join_net_edges(net)
     from_sources = _sample_far_points(links, _PATH_SOURCE_COUNT)
     far = from_sources.mean(0)
     tips, persistence = _local_maxima(links.indptr, links.indices, far, np.argsort(-far, kind="stable"))
@@ -149,7 +149,7 @@ def _local_maxima(offsets, neighbours, height, order):
     return tips[:size].copy(), over[tips[:size]]
 
 
-def _joined_net_edges(net: SurfaceNet) -> scipy.sparse.csr_matrix:
+def _join_net_edges(net: SurfaceNet) -> scipy.sparse.csr_matrix:
     """Returns the edge lengths of the net in metres as a sparse matrix (C, C). Edges between the nearest
     points of shells are added, so that the net has one component.
     """
@@ -175,7 +175,8 @@ def shell_connections(points: Float, label: Int) -> Int:
     edges, count = np.empty((0, 2), np.int64), int(label.max()) + 1
     while count > 1:
         point, length, other = (
-            np.concatenate(column) for column in zip(*_nearest_other_shell_points(points, label), strict=True)
+            np.concatenate(column)
+            for column in zip(*_find_nearest_other_shell_points(points, label), strict=True)
         )
         order = np.lexsort((length, label[point]))
         nearest = order[np.unique(label[point[order]], return_index=True)[1]]
@@ -186,7 +187,7 @@ def shell_connections(points: Float, label: Int) -> Int:
     return edges
 
 
-def _nearest_other_shell_points(points: Float, label: Int) -> Iterator[tuple[Int, Float, Int]]:
+def _find_nearest_other_shell_points(points: Float, label: Int) -> Iterator[tuple[Int, Float, Int]]:
     """Yields (P,) points of all shells except the largest, their distance in metres to the nearest point of
     another shell, and that point.
     """

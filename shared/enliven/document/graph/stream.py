@@ -24,7 +24,7 @@ class PoseStream:
         step: seconds from one frame to the next.
         keys: the keys that the frames were computed from, in the order of time. Empty for a performance.
         follow: (N, 4) for a stream of keys: the weight with which each node follows the keys (1 for the node
-            with the keys), and the gradient (3,) of this weight per metre; see :func:`keyed_stream`.
+            with the keys), and the gradient (3,) of this weight per metre; see :func:`make_keyed_stream`.
 
     Raises:
         InputError: if the shapes of the arrays are inconsistent or values are not finite.
@@ -71,7 +71,7 @@ class PoseStream:
         return int(self.follow[:, 0].argmax()) if self.keys else -1
 
 
-def keyed_stream(stream_id: str, rest: Float, follow: Float, keys: Sequence[MotionKey]) -> PoseStream:
+def make_keyed_stream(stream_id: str, rest: Float, follow: Float, keys: Sequence[MotionKey]) -> PoseStream:
     """Builds a stream of nodes that follow the keys of one of them, while the rest of the mesh stays at rest.
 
     Let R be the rotation and d the displacement of the keys at a time. Let s be the weight of a node at r,

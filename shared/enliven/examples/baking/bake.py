@@ -172,12 +172,12 @@ class _Fit:
         settings = self._settings
         max_transforms = min(settings.nodes, len(self._rest))
         while True:
-            self._alternate_fits(settings.rounds)
+            self._fit_alternately(settings.rounds)
             error_ratios = self._error_ratios()
             if error_ratios.max() <= 1.0 and not self._shear:
                 self._bound = True
                 self._fit_maps()
-                self._alternate_fits(_FINAL_ROUNDS)
+                self._fit_alternately(_FINAL_ROUNDS)
                 error_ratios, self._bound = self._error_ratios(), False
             free_count = max_transforms - len(self.pivots)
             if error_ratios.max() <= 1.0 or not self.seeds.grow(
@@ -188,7 +188,7 @@ class _Fit:
         if not self._shear and self.maps.axes is None:
             self._bound = True
             self._fit_maps()
-            self._alternate_fits(_FINAL_ROUNDS)
+            self._fit_alternately(_FINAL_ROUNDS)
 
     @property
     def has_room(self) -> bool:
@@ -200,7 +200,7 @@ class _Fit:
         self._wanted = np.concatenate([self._wanted, np.stack(frames, 1)], 1)
         self._fit_maps()
 
-    def _alternate_fits(self, rounds: int) -> None:
+    def _fit_alternately(self, rounds: int) -> None:
         for _ in range(rounds):
             self._fit_weights()
             self._fit_maps()
@@ -221,7 +221,7 @@ class _Fit:
     def _assign_seeds(self) -> None:
         """Assigns each vertex to the nearest seed along the surface."""
         self.pivots = np.ascontiguousarray(self._rest[self.seeds.vertices])
-        self._candidates = self.seeds.nearest(_CANDIDATE_TRANSFORMS)
+        self._candidates = self.seeds.find_nearest(_CANDIDATE_TRANSFORMS)
         self.indices = np.zeros((len(self._rest), 4), np.int32)
         self.indices[:, 0] = self._candidates[:, 0]
         self.weights = np.zeros((len(self._rest), 4))

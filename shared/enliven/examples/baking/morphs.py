@@ -49,16 +49,16 @@ def bake_morphs(
     chosen = sample_farthest(traits.reshape(len(traits), -1), settings.frames)
     displacements, normals = _gather_displacements(mesh, frames, chosen.tolist())
     for _ in range(_MAX_REFITS):
-        shapes, spread = _principal_components(displacements, settings.targets)
-        count = _needed_shapes(displacements, shapes, settings, size)
+        shapes, spread = _compute_principal_components(displacements, settings.targets)
+        count = _find_needed_shapes(displacements, shapes, settings, size)
         shapes, spread = shapes[:count], spread[:count]
         missed = WorstFrames(settings.worst * size)
         weights, error = _measure_weights(mesh, frames, len(traits), shapes, size, missed)
         if not missed.frames or count == settings.targets:
             break
-        more = [_vertex_displacements(mesh, vertices) for vertices in missed.frames]
-        displacements = np.concatenate([displacements, [vertices for vertices, _ in more]])
-        normals = np.concatenate([normals, [vertex_normals for _, vertex_normals in more]])
+        more_displacements = [_vertex_displacements(mesh, vertices) for vertices in missed.frames]
+        displacements = np.concatenate([displacements, [vertices for vertices, _ in more_displacements]])
+        normals = np.concatenate([normals, [vertex_normals for _, vertex_normals in more_displacements]])
     moved_weights = displacements @ shapes.T / spread
     square = moved_weights.T @ moved_weights + _NORMAL_REGULARIZATION * len(moved_weights) * np.eye(count)
     normal_shapes = np.asarray(np.linalg.solve(square, moved_weights.T @ normals), np.float64)
@@ -91,7 +91,7 @@ def _vertex_displacements(mesh: Mesh, vertices: Float) -> tuple[Float, Float]:
     return (vertices - mesh.vertices).ravel(), moved_normals.ravel()
 
 
-def _principal_components(moved: Float, max_count: int) -> tuple[Float, Float]:
+def _compute_principal_components(moved: Float, max_count: int) -> tuple[Float, Float]:
     """Returns the principal components (N, 3 V) of C displacements (C, 3 V), largest first, and their
     standard deviations (N,).
     """
@@ -108,7 +108,7 @@ def _principal_components(moved: Float, max_count: int) -> tuple[Float, Float]:
     return shapes, np.where(spread > 0, spread, 1.0)
 
 
-def _needed_shapes(moved: Float, shapes: Float, settings: BakeSettings, size: float) -> int:
+def _find_needed_shapes(moved: Float, shapes: Float, settings: BakeSettings, size: float) -> int:
     """Returns the number of shapes that suffice for frames ``moved`` (C, 3 V), or the number of all shapes if
     none suffices."""
     residual = moved.copy()

@@ -9,7 +9,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from enliven.arrays import Float, Int, Int32
-from enliven.deformation.arap.weights import surface_edges, virtual_edges
+from enliven.deformation.arap.weights import find_virtual_edges, surface_edges
 from enliven.meshes import Mesh
 
 
@@ -24,7 +24,7 @@ class EdgeGraph:
     def __init__(self, mesh: Mesh) -> None:
         count = len(mesh.vertices)
         edges, _ = surface_edges(mesh.vertices, mesh.faces)
-        links, _ = virtual_edges(mesh.vertices, edges)
+        links, _ = find_virtual_edges(mesh.vertices, edges)
         self.edges = np.concatenate([edges, links])
         lengths = np.linalg.norm(mesh.vertices[self.edges[:, 0]] - mesh.vertices[self.edges[:, 1]], axis=1)
         # SciPy ignores edges with a length of exactly 0, so give each edge a tiny minimum length.
@@ -72,7 +72,7 @@ class Seeds:
             remaining_scores[self.away[-1] <= radius] = 0.0
         return len(self.vertices) - old_count
 
-    def nearest(self, count: int) -> Int32:
+    def find_nearest(self, count: int) -> Int32:
         """Returns the nearest seeds (V, C) of each vertex, nearest first. Missing entries are -1."""
         count_there = min(count, len(self.vertices))
         order = np.argsort(self.away, axis=0, kind="stable")[:count_there].T

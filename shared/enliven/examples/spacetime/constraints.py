@@ -86,14 +86,14 @@ def _coordinate_links(one: Constraint, examples: Examples, frames: int, step: fl
     or a = value if b is None.
     """
     _check_constraint(one, frames)
-    p, f = examples.point(one.point), one.frame
+    p, f = examples.find_point(one.point), one.frame
     for axis in ("xyz".index(letter) for letter in one.axes):
         if isinstance(one, Position):
             yield one, (p, f, axis), None, float(one.place[axis])
         elif isinstance(one, Velocity):
             yield one, (p, f, axis), (p, f - 1, axis), float(one.velocity[axis]) * step
         else:
-            other = examples.point(one.other)
+            other = examples.find_point(one.other)
             if other == p:
                 raise InputError(
                     f"{one} couples a point with itself",
@@ -142,7 +142,7 @@ class _Forest:
         if root_a == root_b:
             if abs(of_a - of_b - value) > close:
                 contradicted = ", ".join(
-                    str(constraint) for constraint in self._connecting_constraints(a, b)[:4]
+                    str(constraint) for constraint in self._find_connecting_constraints(a, b)[:4]
                 )
                 advice = "Remove or change one of these constraints."
                 raise InputError(f"{why} contradicts {contradicted}", where=_ERROR_PLACE, remedy=advice)
@@ -175,7 +175,7 @@ class _Forest:
             self._above[passed] = (root, total)
         return root, total
 
-    def _connecting_constraints(self, a: _Node | None, b: _Node | None) -> list[Constraint]:
+    def _find_connecting_constraints(self, a: _Node | None, b: _Node | None) -> list[Constraint]:
         """Returns the constraints that connect a to b."""
         came: dict[_Node | None, tuple[_Node | None, Constraint] | None] = {a: None}
         waiting = [a]

@@ -67,11 +67,13 @@ def find_switches(
     settings = settings or LocomotionSettings()
     if len(feet) < 3:
         return (Switch(0, "contact"),)
-    touches = np.asarray(standing_feet(feet, step, size, settings).any(1))
-    return switches_from_contact(_without_short_phases(touches, settings.contact.shortest / step))
+    touches = np.asarray(find_feet_on_floor(feet, step, size, settings).any(1))
+    return switches_from_contact(_remove_short_phases(touches, settings.contact.shortest / step))
 
 
-def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSettings | None = None) -> Bool:
+def find_feet_on_floor(
+    feet: Float, step: float, size: float, settings: LocomotionSettings | None = None
+) -> Bool:
     """Returns (F, K) True for feet of the performer who touch the floor. The criteria are those of
     :func:`find_switches`."""
     settings = settings or LocomotionSettings()
@@ -121,8 +123,8 @@ def place_motion(
         step: seconds between frames.
         switches: ascending, the first at frame 0.
         feet: numbers of the control points that the mesh can stand on.
-        stands: (F, K) True for feet that the performer stands on (:func:`standing_feet`). Each of these feet
-            is the anchor until it is lifted. If None, the lowest foot is the anchor, independent of the
+        stands: (F, K) True for feet that the performer stands on (:func:`find_feet_on_floor`). Each of these
+            feet is the anchor until it is lifted. If None, the lowest foot is the anchor, independent of the
             performer.
 
     Raises:
@@ -247,7 +249,7 @@ def _touches_floor(switches: Sequence[Switch], frames: int) -> Bool:
     return out
 
 
-def _without_short_phases(touches: Bool, shortest: float) -> Bool:
+def _remove_short_phases(touches: Bool, shortest: float) -> Bool:
     """Removes flights and then contacts that are shorter than ``shortest`` frames."""
     out = touches.copy()
     for kind in (False, True):

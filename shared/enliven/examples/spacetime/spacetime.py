@@ -72,16 +72,18 @@ def solve(
         nodes = nodes_of(group, spare.pop() if spare and len(group) == 1 else None)
         held, values = conditions.held[group], conditions.values[group]
         _eliminate_held(held, values, nodes.matrix, nodes.right, nodes.reach, nodes.offset, nodes.slack)
-        mine = np.isin(conditions.first[:, 0], group) if len(conditions.first) else np.zeros(0, np.bool_)
-        if not mine.any():
+        is_in_group = (
+            np.isin(conditions.first[:, 0], group) if len(conditions.first) else np.zeros(0, np.bool_)
+        )
+        if not is_in_group.any():
             factored = solve_point(*nodes.arrays_of(0), weight, *bounds, places[group[0]])
             spare.append(nodes)
             return int(factored)
         local = np.zeros(len(places), np.int64)
         local[group] = np.arange(len(group))
-        first, second = conditions.first[mine].copy(), conditions.second[mine].copy()
+        first, second = conditions.first[is_in_group].copy(), conditions.second[is_in_group].copy()
         first[:, 0], second[:, 0] = local[first[:, 0]], local[second[:, 0]]
-        system = _System(nodes, (first, second), conditions.difference[mine], weight, bounds)
+        system = _System(nodes, (first, second), conditions.difference[is_in_group], weight, bounds)
         places[group] = system.solve()
         return system.work
 

@@ -113,12 +113,12 @@ def _add_joints(scene: GltfScene, performance: Performance) -> None:
     axes = np.tile(np.eye(3), (len(pivots), 1, 1)) if performance.axes is None else performance.axes
     rotations, scales = split_stretch(performance.linear @ axes)
     standing = from_matrix(axes)
-    tolerance, reach = performance.keys / 3.0, largest_reaches(performance)
+    tolerance, reach = performance.keys / 3.0, compute_largest_reaches(performance)
     joints = []
-    for k, at in enumerate(pivots):
+    for k, pivot in enumerate(pivots):
         rest_rotation = np.roll(standing[k], -1)
         node = scene.node(
-            holder, name=f"joint {k}", translation=json_numbers(at), rotation=json_numbers(rest_rotation)
+            holder, name=f"joint {k}", translation=json_numbers(pivot), rotation=json_numbers(rest_rotation)
         )
         for path, values, channel_tolerance in (
             ("translation", performance.positions[:, k], tolerance),
@@ -141,7 +141,7 @@ def _add_holder_node(scene: GltfScene, performance: Performance) -> int:
     return holder
 
 
-def largest_reaches(performance: Performance) -> Float:
+def compute_largest_reaches(performance: Performance) -> Float:
     """Returns the largest distance (J,) in metres of each transform's vertices from its pivot, over all
     frames.
     """

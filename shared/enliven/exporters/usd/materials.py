@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from pxr import Gf, Sdf, Usd, UsdShade
 
 from enliven.document import unused
-from enliven.exporters.plain_materials import PlainMaterial, TextureUse, image_suffix, plain_materials
+from enliven.exporters.plain_materials import PlainMaterial, TextureUse, image_suffix, make_plain_materials
 from enliven.meshes import MeshMaterials
 
 _PLAIN_ROUGHNESS = 0.9
@@ -65,7 +65,9 @@ class StageMaterials:
         images = [self._image_name(texture.image.tobytes(), texture.kind) for texture in materials.textures]
         samplers = tuple(zip(images, (texture.sampler for texture in materials.textures), strict=True))
         bound_materials = list[BoundMaterial]()
-        for definition, plain_material in zip(materials.definitions, plain_materials(materials), strict=True):
+        for definition, plain_material in zip(
+            materials.definitions, make_plain_materials(materials), strict=True
+        ):
             key = (definition, samplers)
             if key not in self._bound:
                 self._bound[key] = self._add_material(plain_material, materials, images)

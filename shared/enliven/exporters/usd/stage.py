@@ -41,7 +41,7 @@ class UsdStage:
         UsdGeom.SetStageMetersPerUnit(self._stage, 1.0 / scale)
         layer = self._stage.GetRootLayer()
         layer.documentation = f"{title}, written by enliven {__version__}"
-        self._root = UsdGeom.Xform.Define(self._stage, f"/{valid_prim_name(title)}")
+        self._root = UsdGeom.Xform.Define(self._stage, f"/{make_valid_prim_name(title)}")
         Usd.ModelAPI(self._root).SetKind(Kind.Tokens.component)
         self._stage.SetDefaultPrim(self._root.GetPrim())
         self._names = {"Materials"}
@@ -62,7 +62,7 @@ class UsdStage:
         Raises:
             InputError: if the character has no mesh.
         """
-        name = unused(valid_prim_name(performance.name), self._names, "_")
+        name = unused(make_valid_prim_name(performance.name), self._names, "_")
         self._names.add(name)
         path = self._root.GetPath().AppendChild(name)
         codes = self._time_codes(performance.times)
@@ -218,10 +218,10 @@ class UsdStage:
     def _bind(self, surface: UsdGeom.Mesh, mesh: Mesh) -> None:
         """Binds the materials of a mesh. A single material is bound to the whole mesh, and several materials
         to subsets of the faces."""
-        own = mesh.materials
-        assert own is not None
-        bound_materials = self._materials.add(own)
-        used_materials = np.unique(own.of).tolist()
+        mesh_materials = mesh.materials
+        assert mesh_materials is not None
+        bound_materials = self._materials.add(mesh_materials)
+        used_materials = np.unique(mesh_materials.of).tolist()
         surface.CreateDoubleSidedAttr(any(n < 0 or bound_materials[n].double_sided for n in used_materials))
         binding = UsdShade.MaterialBindingAPI.Apply(surface.GetPrim())
         materials = {
@@ -235,13 +235,13 @@ class UsdStage:
         for number, material in materials.items():
             name = unused(material.GetPrim().GetName(), names, "_")
             names.add(name)
-            faces = np.flatnonzero(own.of == number).astype(np.int32)
+            faces = np.flatnonzero(mesh_materials.of == number).astype(np.int32)
             subset = binding.CreateMaterialBindSubset(name, Vt.IntArray.FromNumpy(faces))
             UsdShade.MaterialBindingAPI.Apply(subset.GetPrim()).Bind(material)
         binding.SetMaterialBindSubsetsFamilyType(UsdGeom.Tokens.partition)
 
 
-def valid_prim_name(name: str) -> str:
+def make_valid_prim_name(name: str) -> str:
     """Returns a valid prim name that is similar to the given name."""
     candidate = "".join(letter if letter.isalnum() or letter == "_" else "_" for letter in name)
     candidate = f"_{candidate}" if not candidate or candidate[0].isdigit() else candidate
@@ -257,7 +257,7 @@ def _joint_tokens(tracks: JointTracks) -> list[str]:
     """Returns the path of each joint in the skeleton, which is its name in USD."""
     tokens, used_names = list[str](), set[str]()
     for name, parent in zip(tracks.names, tracks.parents, strict=True):
-        unique_name = unused(valid_prim_name(name), used_names, "_")
+        unique_name = unused(make_valid_prim_name(name), used_names, "_")
         used_names.add(unique_name)
         tokens.append(unique_name if parent < 0 else f"{tokens[parent]}/{unique_name}")
     return tokens

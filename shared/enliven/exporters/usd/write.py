@@ -16,7 +16,7 @@ from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
 
-from enliven.errors import InputError, ResourceError, plain_reason
+from enliven.errors import InputError, ResourceError, find_plain_reason
 from enliven.exporters.performance import Performance
 from enliven.exporters.placement import PLACEMENTS, units_per_metre
 from enliven.exporters.registry import Exporter
@@ -68,7 +68,7 @@ def write_usd(
                 stage.add(performance, _part_of_progress(progress, number, len(performances)))
             stage_path = stage.save(folder, kind)
         except Tf.ErrorException as error:
-            problem = f"the file cannot be written ({plain_reason(error)})"
+            problem = f"the file cannot be written ({find_plain_reason(error)})"
             raise ResourceError(problem, where=str(path), remedy=_REMEDY) from None
         part = outputs.enter_context(replace_file(path, _REMEDY))
         with explain_write_errors(path, _REMEDY):

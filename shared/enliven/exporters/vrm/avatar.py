@@ -62,7 +62,7 @@ def vrm_bytes(performance: Performance, name: str = "enliven", author: str = "un
             problem, where=f"character {performance.name!r}", remedy="Export a .glb file instead."
         )
     scene, nodes = GltfScene(name), list[int]()
-    rotations = _rest_turns(skeleton, humanoid)
+    rotations = _compute_rest_turns(skeleton, humanoid)
     for joint, parent in enumerate(skeleton.parents):
         if joint:
             local, offset = multiply(conjugate(rotations[parent]), rotations[joint]), skeleton.vectors[joint]
@@ -85,7 +85,7 @@ def vrm_bytes(performance: Performance, name: str = "enliven", author: str = "un
     return scene.bytes()
 
 
-def _rest_turns(skeleton: Skeleton, humanoid: Humanoid) -> list[np.ndarray]:
+def _compute_rest_turns(skeleton: Skeleton, humanoid: Humanoid) -> list[np.ndarray]:
     """Returns the rotation (4,) of each joint's node in the world, in the T-pose."""
     of_joint = {bone.joint: humanoid.t_pose[name] for name, bone in humanoid.bones.items()}
     rotations = list[np.ndarray]()

@@ -15,7 +15,7 @@ from enliven.document import Skeleton
 from enliven.errors import InputError
 from enliven.rotation import from_rotation_vector, multiply, rotate, swing, unit
 from enliven.skeletons.facing import find_facing
-from enliven.skeletons.human_names import HumanJoints, HumanLimb, finger_joints, human_joints
+from enliven.skeletons.human_names import HumanJoints, HumanLimb, find_human_joints, finger_joints
 
 _LEFT_DIRECTION = np.array([1.0, 0.0, 0.0])
 _DOWN_DIRECTION = np.array([0.0, -1.0, 0.0])
@@ -68,7 +68,7 @@ def humanoid_from_skeleton(skeleton: Skeleton | None, where: str) -> Humanoid:
         InputError: if the names of the joints do not identify all bones that VRM requires.
     """
     remedy = "Export a .glb file instead, or use the joint names of Mixamo, VRM or Unreal."
-    human = None if skeleton is None else human_joints(skeleton)
+    human = None if skeleton is None else find_human_joints(skeleton)
     if skeleton is None or human is None:
         problem = "the character is not a humanoid: its joint names do not identify two arms and two legs"
         raise InputError(problem, where=where, remedy=remedy)
@@ -157,14 +157,14 @@ def _bone_toward(skeleton: Skeleton, joint: int, toward: int) -> int:
 
 def _t_pose(skeleton: Skeleton, bones: dict[str, HumanoidBone], facing: Float) -> dict[str, Float]:
     """Returns the rotation (4,) of each bone from the rest pose to the T-pose."""
-    at = rotate(facing, skeleton.positions)
+    positions = rotate(facing, skeleton.positions)
     rotations = dict[str, Float]()
     for name, bone in bones.items():
         end = _LIMB_ENDS.get(name.removeprefix("left").removeprefix("right"))
         side = "left" if name.startswith("left") else "right"
         if end is not None:
             target_direction = _LEFT_DIRECTION if side == "left" else -_LEFT_DIRECTION
-            direction = unit(at[bones[f"{side}{end}"].joint] - at[bone.joint])
+            direction = unit(positions[bones[f"{side}{end}"].joint] - positions[bone.joint])
             rotations[name] = multiply(
                 swing(direction, _DOWN_DIRECTION if "Leg" in name else target_direction), facing
             )

@@ -33,7 +33,7 @@ def measure_bodies(surface: GltfSurface, chosen: list[int], world: Float) -> lis
         mirrors = np.where(np.linalg.det(from_bind[:, :3, :3]) < 0, -1.0, 1.0)
         from_bind[:, :3, :3] *= mirrors[:, None, None]
         turns = from_matrix(from_bind[:, :3, :3]) if len(from_bind) else np.zeros((0, 4))
-        is_scaled = _largest_stretch(from_bind[:, :3, :3]) > _MAX_ROUNDING_STRETCH
+        is_scaled = _compute_largest_stretch(from_bind[:, :3, :3]) > _MAX_ROUNDING_STRETCH
         strains = hencky_strain(from_bind[:, :3, :3], turns) if is_scaled else None
         ancestor = file.parents[node]
         while ancestor >= 0 and ancestor not in number:
@@ -53,7 +53,7 @@ def measure_bodies(surface: GltfSurface, chosen: list[int], world: Float) -> lis
     return bodies
 
 
-def _largest_stretch(linear: Float) -> float:
+def _compute_largest_stretch(linear: Float) -> float:
     """Returns the largest stretch of linear maps (F, 3, 3) minus 1, which is 0 for rotations."""
     if not len(linear):
         return 0.0
@@ -74,9 +74,11 @@ def _measure_bodies(
     for node, k in number.items():
         node_weight = np.where(nodes == node, weights, 0.0).sum(1)
         bodies[k].mass = float(node_weight @ area)
-        mine = vertices[node_weight > 0.5] if (node_weight > 0.5).any() else vertices[node_weight > 0]
-        if len(mine):
-            bodies[k].reach = _far_end(bodies[k].rest, mine)
+        body_vertices = (
+            vertices[node_weight > 0.5] if (node_weight > 0.5).any() else vertices[node_weight > 0]
+        )
+        if len(body_vertices):
+            bodies[k].reach = _find_far_end(bodies[k].rest, body_vertices)
 
 
 def _vertex_areas(part: GltfPart, vertices: Float) -> Float:
@@ -88,7 +90,7 @@ def _vertex_areas(part: GltfPart, vertices: Float) -> Float:
     return np.asarray(np.bincount(part.faces.ravel(), np.repeat(third, 3), len(vertices)) + 1e-12, np.float64)
 
 
-def _far_end(start: Float, vertices: Float) -> Float:
+def _find_far_end(start: Float, vertices: Float) -> Float:
     """Returns the end (3,) of a bone that leads from ``start`` through the middle of its vertices.
 
     The bone is as long as the extent of the vertices in this direction.

@@ -21,7 +21,7 @@ from enliven.document import Clip, CubicKeys
 from enliven.formats.rig.rig_tree import Tree
 from enliven.meshes.gltf.bind import Bind
 from enliven.meshes.gltf.file import GltfFile, compose_matrices
-from enliven.meshes.gltf.motion import animated_locals
+from enliven.meshes.gltf.motion import sample_animated_locals
 from enliven.meshes.gltf.surface import GltfSurface
 from enliven.rotation import conjugate, from_matrix, multiply
 
@@ -50,7 +50,7 @@ def add_cubic_keys(
         chosen: the node of each body.
     """
     file, bind = surface.file, surface.bind
-    channels = _moving_samplers(file, animation)
+    channels = _find_moving_samplers(file, animation)
     stretched = clip.strains is not None or clip.mirrors is not None
     if stretched or not any(
         _is_cubic(sampler) for samplers in channels.values() for sampler in samplers.values()
@@ -60,20 +60,20 @@ def add_cubic_keys(
     curves = list[CubicKeys]()
     for bone, driver in enumerate(tree.driver):
         above = chosen[tree.driver[clip.skeleton.parents[bone]]] if bone else -1
-        keys = _relative_rotation(file, channels, local, bind, (above, chosen[driver]))
+        keys = _compute_relative_rotation(file, channels, local, bind, (above, chosen[driver]))
         if keys is not None and (np.diff(keys[0]) > 0.0).all():
             curves.append(CubicKeys(bone, keys[0] - start, *keys[1:]))
-    keys = _world_translation(file, channels, local, chosen[tree.root])
+    keys = _compute_world_translation(file, channels, local, chosen[tree.root])
     if keys is not None and (np.diff(keys[0]) > 0.0).all():
         curves.append(CubicKeys(0, keys[0] - start, *keys[1:]))
-    return _checked_curves(clip, curves)
+    return _check_curves(clip, curves)
 
 
 def _is_cubic(sampler: Any) -> bool:
     return bool(sampler.interpolation == "CUBICSPLINE")
 
 
-def _moving_samplers(file: GltfFile, animation: int) -> dict[int, dict[str, Any]]:
+def _find_moving_samplers(file: GltfFile, animation: int) -> dict[int, dict[str, Any]]:
     """Returns the samplers with changing values, by node and path."""
     animation_entry = file.document.animations[animation]
     samplers: dict[int, dict[str, Any]] = {}
@@ -96,14 +96,14 @@ def _local_transforms(file: GltfFile, animation: int) -> Float:
     """Returns the nodes' local transforms (n, 4, 4) at time 0. Transforms of nodes without animation never
     change.
     """
-    first_frame = animated_locals(file, animation, np.zeros(1))
+    first_frame = sample_animated_locals(file, animation, np.zeros(1))
     local: Float = compose_matrices(first_frame.translation, first_frame.rotation, first_frame.scale)[0]
     for node, matrix in first_frame.fixed.items():
         local[node] = matrix
     return np.asarray(local)
 
 
-def _relative_rotation(
+def _compute_relative_rotation(
     file: GltfFile,
     channels: Mapping[int, Mapping[str, Any]],
     local: Float,
@@ -123,7 +123,7 @@ def _relative_rotation(
     (mover,) = rotating_nodes
     sampler = channels[mover]["rotation"]
     mover_index = node_path.index(mover)
-    before, after = (
+    parent_rotation, after = (
         _rotation_from_transform(_transform_product(local, node_path[:mover_index])),
         _rotation_from_transform(_transform_product(local, node_path[mover_index + 1 :])),
     )
@@ -131,11 +131,11 @@ def _relative_rotation(
         _rotation_from_transform(bind.world[node]),
         _rotation_from_transform(np.eye(4) if above < 0 else bind.world[above]),
     )
-    if before is None or after is None or from_bind is None or to_bind is None:
+    if parent_rotation is None or after is None or from_bind is None or to_bind is None:
         return None
     if not _is_cubic(sampler) or _rotation_from_transform(local[mover]) is None:
         return None
-    left_factor, right_factor = multiply(to_bind, before), multiply(after, conjugate(from_bind))
+    left_factor, right_factor = multiply(to_bind, parent_rotation), multiply(after, conjugate(from_bind))
     seconds, values, slopes = _sampler_keys(file, sampler, "rotation")
     values, slopes = np.roll(values, 1, -1), np.roll(slopes, 1, -1)
     if np.abs(np.linalg.norm(values, axis=1) - 1.0).max() > _MAX_QUATERNION_LENGTH_ERROR:
@@ -147,7 +147,7 @@ def _relative_rotation(
     )
 
 
-def _world_translation(
+def _compute_world_translation(
     file: GltfFile, channels: Mapping[int, Mapping[str, Any]], local: Float, node: int
 ) -> tuple[Float, Float, Float] | None:
     """Returns times (K,), values (K, 3) and slopes (K, 2, 3) of a node's world position.
@@ -196,7 +196,7 @@ def _rotation_from_transform(matrix: Float) -> Float | None:
     return np.asarray(from_matrix(linear / size))
 
 
-def _checked_curves(clip: Clip, curves: list[CubicKeys]) -> Clip:
+def _check_curves(clip: Clip, curves: list[CubicKeys]) -> Clip:
     """Adds the converted curves to the clip, except for curves that differ from one of its frames."""
     parents, finest = clip.skeleton.parents, clip.finest_motion
     even = np.arange(len(clip.turns), dtype=np.float64) * clip.step
@@ -204,7 +204,7 @@ def _checked_curves(clip: Clip, curves: list[CubicKeys]) -> Clip:
     agreeing = list[CubicKeys]()
     size = max(float(clip.skeleton.lengths.sum()), 1e-9)
     for curve in curves:
-        values = curve.at(seconds)
+        values = curve.evaluate(seconds)
         if curve.turns:
             turns = finest.turns[:, curve.bone]
             if curve.bone:

@@ -25,12 +25,12 @@ from enliven.meshes import Mesh
 from enliven.meshes.gltf.file import GltfFile
 from enliven.meshes.gltf.motion import (
     MAX_NODE_SAMPLES,
-    animated_locals,
     frame_times,
     key_times,
+    sample_animated_locals,
     world_matrices,
 )
-from enliven.meshes.gltf.parts import GltfPart, moving_nodes
+from enliven.meshes.gltf.parts import GltfPart, find_moving_nodes
 from enliven.meshes.gltf.surface import GltfSurface, gltf_surface
 from enliven.rotation import remove_sign_jumps
 
@@ -101,15 +101,15 @@ def _read_unscaled(path: Path | str, name: str) -> Rig:
     file = surface.file
     try:
         if all(part.skin < 0 for part in surface.parts) and not file.document.animations:
-            return _unrigged_model(surface.mesh, surface.notes)
-        return _rigged_model(surface)
+            return _make_unrigged_model(surface.mesh, surface.notes)
+        return _make_rigged_model(surface)
     except EnlivenError:
         raise
     except DAMAGE as error:
         raise file.create_damage_error(error) from None
 
 
-def _unrigged_model(mesh: Mesh, notes: list[str]) -> Rig:
+def _make_unrigged_model(mesh: Mesh, notes: list[str]) -> Rig:
     low, high = mesh.bounds
     middle = (low + high) / 2
     foot, top = np.array([middle[0], low[1], middle[2]]), np.array([middle[0], high[1], middle[2]])
@@ -120,9 +120,9 @@ def _unrigged_model(mesh: Mesh, notes: list[str]) -> Rig:
     return Rig(shape, (), (*notes, "the model has no rig, so one bone from its bottom to its top was added"))
 
 
-def _rigged_model(surface: GltfSurface) -> Rig:
+def _make_rigged_model(surface: GltfSurface) -> Rig:
     file, parts, mesh, notes = surface.file, surface.parts, surface.mesh, list(surface.notes)
-    animations, world = _sampled_animations(file, notes)
+    animations, world = _sample_animations(file, notes)
     chosen = _joint_candidates(file, parts)
     if len(chosen) > _MAX_JOINTS:
         raise file.create_error(
@@ -130,8 +130,8 @@ def _rigged_model(surface: GltfSurface) -> Rig:
         )
     size = float(np.ptp(mesh.vertices, axis=0).max())
     bodies = measure_bodies(surface, chosen, world)
-    ours = (file.document.asset.generator or "").startswith("enliven ")
-    tree = build_tree(bodies, size, ours)
+    is_own_file = (file.document.asset.generator or "").startswith("enliven ")
+    tree = build_tree(bodies, size, is_own_file)
     body_of = {node: number for number, node in enumerate(chosen)}
     skin = _skin_weights(parts, tree, body_of)
     shape = still_shape(mesh.name, tree.skeleton, mesh, skin)
@@ -140,11 +140,11 @@ def _rigged_model(surface: GltfSurface) -> Rig:
     for animation in animations:
         clip = _animation_clip(animation, tree, bodies, tracks, used_names)
         clips.append(add_cubic_keys(clip, animation.number, animation.start, surface, tree, chosen))
-    notes += tree.notes + _lost_motion_notes(bodies, tree, size)
+    notes += tree.notes + _make_lost_motion_notes(bodies, tree, size)
     return Rig(shape, tuple(clips), tuple(dict.fromkeys(notes)))
 
 
-def _sampled_animations(file: GltfFile, notes: list[str]) -> tuple[list[_Animation], Float]:
+def _sample_animations(file: GltfFile, notes: list[str]) -> tuple[list[_Animation], Float]:
     """Samples all animations. Returns the animations, and the transforms (F, n, 4, 4) from node to world in
     all samples."""
     animations, worlds, start = list[_Animation](), list[Float](), 0
@@ -156,7 +156,7 @@ def _sampled_animations(file: GltfFile, notes: list[str]) -> tuple[list[_Animati
                 f"the animations have at least {start + len(times)} frames in total, which is too many"
             )
         step = float(even[1] - even[0]) if len(even) > 1 else 1 / 30
-        worlds.append(world_matrices(file, animated_locals(file, number, times)))
+        worlds.append(world_matrices(file, sample_animated_locals(file, number, times)))
         name = animation.name or f"animation {number + 1}"
         if even[0] > _MIN_NOTED_PAUSE_S:
             notes.append(
@@ -189,7 +189,7 @@ def _joint_candidates(file: GltfFile, parts: list[GltfPart]) -> list[int]:
                 between |= set(nodes_between)
                 break
             ancestor = file.parents[ancestor]
-    return [n for n in moving_nodes(file, parts) if n in joint_nodes or (n in between and n in animated)]
+    return [n for n in find_moving_nodes(file, parts) if n in joint_nodes or (n in between and n in animated)]
 
 
 def _skin_weights(parts: list[GltfPart], tree: Tree, body_of: dict[int, int]) -> SkinWeights:
@@ -219,16 +219,16 @@ def _animation_clip(
     own_tracks = [None if track is None else track[animation.frames] for track in tracks]
     offsets, strains = (None if track is None or not track.any() else track for track in own_tracks)
     root, even = bodies[tree.root].places[animation.frames], animation.even
-    mirrors = _mirrored_signs(animation, tree, bodies)
+    mirrors = _compute_mirrored_signs(animation, tree, bodies)
     fine = None
     if len(even) < len(turns):
         fine = FineFrames(animation.seconds, turns, root, offsets, strains, mirrors)
     clip = Clip(name, tree.skeleton, turns, root, animation.step, offsets=offsets, strains=strains)
     clip = replace(clip, mirrors=mirrors)
-    return clip if fine is None else replace(clip.mapped(lambda track: track[even]), fine=fine)
+    return clip if fine is None else replace(clip.map_values(lambda track: track[even]), fine=fine)
 
 
-def _mirrored_signs(animation: _Animation, tree: Tree, bodies: list[LinkBody]) -> Float | None:
+def _compute_mirrored_signs(animation: _Animation, tree: Tree, bodies: list[LinkBody]) -> Float | None:
     """Returns an array (K, N) that is -1 for mirrored bones and 1 for all others, or None if no bone is
     mirrored."""
     signs = np.ones((len(animation.seconds), len(tree.driver)))
@@ -239,7 +239,7 @@ def _mirrored_signs(animation: _Animation, tree: Tree, bodies: list[LinkBody]) -
     return signs if (signs < 0).any() else None
 
 
-def _lost_motion_notes(bodies: list[LinkBody], tree: Tree, size: float) -> list[str]:
+def _make_lost_motion_notes(bodies: list[LinkBody], tree: Tree, size: float) -> list[str]:
     """Returns notes about motion in the animations that the bones cannot reproduce, with its size."""
     drifts = [
         (name, distance)

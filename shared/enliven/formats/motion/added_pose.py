@@ -55,23 +55,23 @@ def count_added_frames(
         only_rest: True if only frames that show the rest pose count as added poses. False if any pose counts.
     """
     return (
-        _added_frame_count(places, seconds, rest, only_rest),
-        _added_frame_count(places[::-1], seconds, rest, only_rest),
+        _count_added_frames(places, seconds, rest, only_rest),
+        _count_added_frames(places[::-1], seconds, rest, only_rest),
     )
 
 
-def without_added_poses(capture: Capture) -> Capture:
+def remove_added_poses(capture: Capture) -> Capture:
     """Removes the added poses at the ends of a capture, and adds a note about the removed frames."""
     begin, end = count_added_frames(capture.positions, capture.seconds)
     if not (begin or end):
         return capture
     kept_frames = slice(begin, capture.frames - end)
-    notes = (*capture.notes, *added_frame_notes(begin, end))
+    notes = (*capture.notes, *make_added_frame_notes(begin, end))
     positions, rotations = capture.positions[kept_frames], capture.rotations[kept_frames]
     return replace(capture, positions=positions, rotations=rotations, notes=notes)
 
 
-def added_frame_notes(begin: int, end: int) -> tuple[str, ...]:
+def make_added_frame_notes(begin: int, end: int) -> tuple[str, ...]:
     """Returns notes about the frames that were removed at the start and at the end."""
     return tuple(
         f"the {end_name} {f'{count} frames are' if count > 1 else 'frame is'} left out, because the motion "
@@ -81,7 +81,7 @@ def added_frame_notes(begin: int, end: int) -> tuple[str, ...]:
     )
 
 
-def _added_frame_count(places: Float, seconds: float, rest: Float | None, only_rest: bool) -> int:
+def _count_added_frames(places: Float, seconds: float, rest: Float | None, only_rest: bool) -> int:
     """Returns the number of frames at the start that show an added pose."""
     size = float(np.ptp(places[len(places) // 2], axis=0).max())
     if len(places) < _MIN_OTHER_INTERVALS + 2 or size <= 0.0:

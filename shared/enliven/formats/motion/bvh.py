@@ -219,7 +219,7 @@ def _begin_joint(words: _Words, tree: _Hierarchy, chain: list[int], kind: str, l
         problem = f"the hierarchy {excess} joints"
         raise words.create_error(problem, "Check the skeleton, and export the file again.", line)
     chain.append(len(tree.names))
-    tree.names.append(_unused_name(name, tree.taken))
+    tree.names.append(_find_unused_name(name, tree.taken))
     tree.parents.append(parent)
     tree.offsets.append((0.0, 0.0, 0.0))
     tree.channels.append([])
@@ -227,7 +227,7 @@ def _begin_joint(words: _Words, tree: _Hierarchy, chain: list[int], kind: str, l
         raise words.create_error(f"'{{' is missing after {name}")
 
 
-def _unused_name(name: str, taken: dict[str, int]) -> str:
+def _find_unused_name(name: str, taken: dict[str, int]) -> str:
     """Returns a name that no other joint has: the given name, or the name with the first free number. Names
     may repeat, for example if a wrist has two ends.
     """

@@ -86,7 +86,7 @@ def read_expmap(path: Path | str, *, repairs_root: bool = True) -> Capture:
     maps = rows[:, 3:].reshape(len(rows), len(_JOINTS), 3)
     rotations = to_matrix(from_rotation_vector(-maps))
     if repairs_root:
-        rotations[:, 0] = _corrected_rotations(rotations[:, 0])
+        rotations[:, 0] = _correct_rotations(rotations[:, 0])
     offsets = np.tile(np.array([offset for _, _, offset in _JOINTS]), (len(rows), 1, 1))
     offsets[:, 0] = rows[:, :3]
     parents = tuple(parent for _, parent, _ in _JOINTS)
@@ -107,7 +107,7 @@ def _row_values(line: str, number: int, path: Path) -> list[float]:
     return values
 
 
-def _corrected_rotations(wrong: Float) -> Float:
+def _correct_rotations(wrong: Float) -> Float:
     """Corrects the order of Euler rotations: decomposes ``wrong`` (F, 3, 3) = Rz Rx Ry, and returns Rz Ry Rx
     (F, 3, 3).
     """

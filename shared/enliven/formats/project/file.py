@@ -74,7 +74,7 @@ def refuse_later_project(path: Path) -> None:
         with zipfile.ZipFile(path) as archive:
             if archive.getinfo(_HEADER).file_size > _BASE_UNPACKED_BYTES:
                 return
-            header = json.loads(_unpacked_entry(archive, _HEADER))
+            header = json.loads(_unpack_entry(archive, _HEADER))
     except (OSError, zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE):
         # The file does not exist, or it is not a project. If it cannot be replaced, the writer reports the
         # error.
@@ -120,11 +120,11 @@ def parse_project(data: bytes, where: str = "project", most: int | None = None) 
         most: maximum unpacked size in bytes. None uses the limits of a file.
     """
     if not data.startswith(b"PK"):
-        raise _foreign_file_error(data, where)
+        raise _make_foreign_file_error(data, where)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             _check_sizes(archive, len(data), where, most)
-            header = _upgraded_header(archive, where, data)
+            header = _upgrade_header(archive, where, data)
             arrays, damaged = _read_arrays(archive)
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE) as error:
         logging.getLogger(__name__).debug("project", exc_info=error)
@@ -138,7 +138,7 @@ def parse_project(data: bytes, where: str = "project", most: int | None = None) 
     except InputError as error:
         advice = error.remedy or "Use an earlier copy of the project."
         if isinstance(error, UnknownFieldError):
-            advice = _unknown_field_advice(header.get("made_by"))
+            advice = _make_unknown_field_advice(header.get("made_by"))
         raise InputError(error.what, where=f"{where}, {error.where}", remedy=advice) from None
     except DAMAGE as error:
         logging.getLogger(__name__).debug("project", exc_info=error)
@@ -148,7 +148,7 @@ def parse_project(data: bytes, where: str = "project", most: int | None = None) 
     return document
 
 
-def _unknown_field_advice(made_by: Any) -> str:
+def _make_unknown_field_advice(made_by: Any) -> str:
     """Returns the advice about a field that this version does not know.
 
     Args:
@@ -188,7 +188,7 @@ def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str, max_bytes: i
         )
 
 
-def _unpacked_entry(archive: zipfile.ZipFile, name: str) -> bytes:
+def _unpack_entry(archive: zipfile.ZipFile, name: str) -> bytes:
     """Unpacks an entry. Reads at most one byte more than its declared size, because the zip library does not
     enforce this size.
     """
@@ -197,7 +197,7 @@ def _unpacked_entry(archive: zipfile.ZipFile, name: str) -> bytes:
         return file.read(entry.file_size + 1)
 
 
-def _foreign_file_error(data: bytes, where: str) -> InputError:
+def _make_foreign_file_error(data: bytes, where: str) -> InputError:
     """Returns the error for a file that is not a project. The message contains the kind of the file."""
     kind, ending = describe_file_kind(data)
     advice = "Choose a project that was saved by enliven."
@@ -206,14 +206,14 @@ def _foreign_file_error(data: bytes, where: str) -> InputError:
     return InputError(f"the file is not an enliven project, but {kind}", where=where, remedy=advice)
 
 
-def _upgraded_header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[str, Any]:
+def _upgrade_header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[str, Any]:
     """Returns the content of project.json, upgraded to the current version."""
     try:
-        header = json.loads(_unpacked_entry(archive, _HEADER))
+        header = json.loads(_unpack_entry(archive, _HEADER))
     except (KeyError, ValueError, RecursionError):
         header = None
     if not isinstance(header, dict) or header.get("format") != _FORMAT:
-        raise _foreign_file_error(data, where)
+        raise _make_foreign_file_error(data, where)
     version, project = header.get("version"), header.get("project")
     # Check the version first, because a later version may store all other data differently.
     _refuse_later(header, where)
@@ -250,7 +250,7 @@ def _read_arrays(archive: zipfile.ZipFile) -> tuple[dict[str, AnyArray], set[str
             continue
         name = entry.removeprefix(_ARRAYS).removesuffix(".npy")
         try:
-            array = read_npy(_unpacked_entry(archive, entry))
+            array = read_npy(_unpack_entry(archive, entry))
         except (OSError, zipfile.BadZipFile, zlib.error, *DAMAGE):
             array = None
         if array is None or array_checksum(array) != name:

@@ -24,21 +24,21 @@ def replace_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any,
         The project object, and the names of the arrays of the lost streams.
     """
     streams, characters = (
-        _as_table(_as_table(project).get("streams")),
-        _as_table(_as_table(project).get("characters")),
+        _read_table_or_empty(_read_table_or_empty(project).get("streams")),
+        _read_table_or_empty(_read_table_or_empty(project).get("characters")),
     )
     mended_streams = dict(streams)
     mended_characters = dict(characters)
     for key, character in characters.items():
-        parts = _as_table(character).get("parts")
-        if _as_table(character).get(KIND) == GraphCharacter.kind and isinstance(parts, list):
+        parts = _read_table_or_empty(character).get("parts")
+        if _read_table_or_empty(character).get(KIND) == GraphCharacter.kind and isinstance(parts, list):
             mended = [_replace_lost_stream(part, streams, mended_streams, arrays) for part in parts]
             mended_characters[key] = {**character, "parts": mended}
     lost = {
-        str(_as_table(streams.get(name, {}).get(each)).get(ARRAY))
+        str(_read_table_or_empty(streams.get(name, {}).get(field)).get(ARRAY))
         for name, stream in mended_streams.items()
         if stream is not streams.get(name)
-        for each in ("linear", "positions")
+        for field in ("linear", "positions")
     }
     return (
         ({**project, "streams": mended_streams, "characters": mended_characters}, lost)
@@ -53,20 +53,25 @@ def _replace_lost_stream(
     """Returns a part. If its stream is lost, adds a stream at rest to ``found``, and marks the returned part
     as not solved.
     """
-    possession, name = _as_table(_as_table(part).get("possession")), _as_table(part).get("take")
-    rest = arrays.get(str(_as_table(possession.get("rest")).get(ARRAY)))
-    stream = _as_table(streams.get(str(name)))
-    is_complete = all(_as_table(stream.get(each)).get(ARRAY) in arrays for each in ("linear", "positions"))
+    possession, name = (
+        _read_table_or_empty(_read_table_or_empty(part).get("possession")),
+        _read_table_or_empty(part).get("take"),
+    )
+    rest = arrays.get(str(_read_table_or_empty(possession.get("rest")).get(ARRAY)))
+    stream = _read_table_or_empty(streams.get(str(name)))
+    is_complete = all(
+        _read_table_or_empty(stream.get(field)).get(ARRAY) in arrays for field in ("linear", "positions")
+    )
     if is_complete or not isinstance(name, str) or rest is None or rest.ndim != 2 or rest.shape[1:] != (3,):
         return part
     table: dict[str, Any] = {"id": name, "step": stream.get("step", 1.0)}
     at_rest = np.array(rest[None], np.float64)
-    for each, array in (("linear", np.tile(np.eye(3), (1, len(rest), 1, 1))), ("positions", at_rest)):
-        table[each] = {ARRAY: array_checksum(array)}
+    for field, array in (("linear", np.tile(np.eye(3), (1, len(rest), 1, 1))), ("positions", at_rest)):
+        table[field] = {ARRAY: array_checksum(array)}
         arrays[array_checksum(array)] = array
     found[name] = table
     return {**part, "possession": {**possession, "solved": ""}}
 
 
-def _as_table(value: Any) -> dict[str, Any]:
+def _read_table_or_empty(value: Any) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}

@@ -27,7 +27,9 @@ def character_bytes(project: Project, character: str, textures: int = 0) -> byte
         InputError: if the character does not exist.
     """
     rig = project.character(character)
-    return project_bytes(_one_character_project(rig, project, painted=0 < texture_bytes(rig) <= textures))
+    return project_bytes(
+        _make_one_character_project(rig, project, painted=0 < texture_bytes(rig) <= textures)
+    )
 
 
 def texture_bytes(character: RigBase) -> int:
@@ -41,29 +43,29 @@ def project_of_mesh(mesh: Mesh, name: str) -> Project:
     """Returns a project with a mesh that performers can attach to. The mesh has a single node until it is
     added to a stage.
     """
-    vertices = _rounded_coordinates(mesh.vertices)
+    vertices = _round_coordinates(mesh.vertices)
     shape_and_stream = graph_shape_at_rest(
         name, vertices.mean(0)[None], np.empty((0, 2), np.int32), replace(mesh, vertices=vertices)
     )
     return Project().with_streams(shape_and_stream[1]).with_characters(shape_and_stream[0])
 
 
-def _one_character_project(character: RigBase, project: Project, *, painted: bool) -> Project:
+def _make_one_character_project(character: RigBase, project: Project, *, painted: bool) -> Project:
     """Returns a project with a character at rest, and the takes that it needs at rest."""
     at_rest, streams = character.at_rest(
-        None if character.mesh is None else _lightened_mesh(character.mesh, painted)
+        None if character.mesh is None else _lighten_mesh(character.mesh, painted)
     )
-    takes = (project.takes[name] for name in at_rest.needed()["takes"])
+    takes = (project.takes[name] for name in at_rest.find_needed_ids()["takes"])
     return Project().with_takes(*takes).with_streams(*streams).with_characters(at_rest)
 
 
-def _lightened_mesh(mesh: Mesh, painted: bool) -> Mesh:
+def _lighten_mesh(mesh: Mesh, painted: bool) -> Mesh:
     """Returns the mesh with coordinates rounded to float32, which halves their size. ``painted`` keeps its
     materials."""
     return replace(
-        mesh, vertices=_rounded_coordinates(mesh.vertices), materials=mesh.materials if painted else None
+        mesh, vertices=_round_coordinates(mesh.vertices), materials=mesh.materials if painted else None
     )
 
 
-def _rounded_coordinates(numbers: np.ndarray) -> np.ndarray:
+def _round_coordinates(numbers: np.ndarray) -> np.ndarray:
     return np.asarray(numbers, np.float32).astype(np.float64)

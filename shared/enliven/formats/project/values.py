@@ -74,7 +74,7 @@ def unpack(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) ->
         item_hint = next(argument for argument in arguments if argument is not type(None))
         return unpack(item_hint, value, arrays, where)
     if hint is RigBase:
-        return _read_rig(_checked_type(value, dict, where), arrays, where)
+        return _read_rig(_check_type(value, dict, where), arrays, where)
     if origin is np.ndarray:
         name = value.get(ARRAY) if isinstance(value, dict) else None
         if not isinstance(name, str) or name not in arrays:
@@ -87,13 +87,13 @@ def unpack(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) ->
             raise UnknownFieldError(f"the value {value!r} is unknown", where=where)
         return value
     if origin is not None and issubclass(origin, Mapping):
-        table = _checked_type(value, dict, where)
+        table = _check_type(value, dict, where)
         return {key: unpack(arguments[1], v, arrays, f"{where}.{key}") for key, v in table.items()}
     if origin is tuple:
-        return _read_tuple(arguments, _checked_type(value, list, where), arrays, where)
+        return _read_tuple(arguments, _check_type(value, list, where), arrays, where)
     if hint is Any:
         return value
-    return _checked_type(value, hint, where)
+    return _check_type(value, hint, where)
 
 
 def _read_rig(table: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
@@ -106,7 +106,7 @@ def _read_rig(table: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
 
 
 def _read_dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
-    table = _checked_type(value, dict, where)
+    table = _check_type(value, dict, where)
     hints = _type_hints(kind)
     fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
     unknown = [key for key in table if key not in fields]
@@ -139,7 +139,7 @@ def _read_tuple(hints: tuple[Any, ...], values: list[Any], arrays: Mapping[str, 
     )
 
 
-def _checked_type(value: Any, kind: Any, where: str) -> Any:
+def _check_type(value: Any, kind: Any, where: str) -> Any:
     """Returns the value after checking its plain type. An integer is accepted as a float."""
     accepted = (int, float) if kind is float else kind
     if not isinstance(value, accepted) or (isinstance(value, bool) and kind is not bool):

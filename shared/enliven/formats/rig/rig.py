@@ -48,31 +48,31 @@ def scale_to_height(rig: Rig, height: float) -> Rig:
             f"a model with a height of {height_at_rest:.3g} m cannot be scaled to {height} m",
             where=f"shape {rig.shape.id!r}",
         )
-    return _scaled_and_moved(rig, height / height_at_rest, np.zeros(3))
+    return _scale_and_move(rig, height / height_at_rest, np.zeros(3))
 
 
 def place_on_floor(rig: Rig) -> Rig:
     """Moves the model vertically so that its lowest vertex is at y = 0."""
     mesh = rig.shape.mesh
     points = rig.shape.skeleton.positions if mesh is None else mesh.vertices
-    return _scaled_and_moved(rig, 1.0, np.array([0.0, -points[:, 1].min(), 0.0]))
+    return _scale_and_move(rig, 1.0, np.array([0.0, -points[:, 1].min(), 0.0]))
 
 
-def _scaled_and_moved(rig: Rig, scale: float, by: Float) -> Rig:
+def _scale_and_move(rig: Rig, scale: float, by: Float) -> Rig:
     """Returns the model scaled about the origin, then moved."""
     shape = rig.shape
     skeleton = replace(shape.skeleton, positions=shape.skeleton.positions * scale + by)
     mesh = shape.mesh
     if mesh is not None:
         mesh = replace(mesh, vertices=mesh.vertices * scale + by)
-    clips = tuple(_resized_clip(c, skeleton, scale, by) for c in rig.clips)
+    clips = tuple(_resize_clip(c, skeleton, scale, by) for c in rig.clips)
     return replace(rig, shape=shape.with_changes(skeleton=skeleton, mesh=mesh), clips=clips)
 
 
-def _resized_clip(clip: Clip, skeleton: Skeleton, scale: float, by: Float) -> Clip:
+def _resize_clip(clip: Clip, skeleton: Skeleton, scale: float, by: Float) -> Clip:
     offsets = None if clip.offsets is None else clip.offsets * scale
-    fine = None if clip.fine is None else clip.fine.scaled(scale, by)
-    cubic = tuple(curve.scaled(scale, by) for curve in clip.cubic)
+    fine = None if clip.fine is None else clip.fine.scale_and_move(scale, by)
+    cubic = tuple(curve.scale_and_move(scale, by) for curve in clip.cubic)
     root = clip.root * scale + by
     return replace(clip, skeleton=skeleton, root=root, offsets=offsets, fine=fine, cubic=cubic)
 

@@ -108,7 +108,7 @@ def find_links(bodies: list[LinkBody], size: float, as_is: bool = False) -> Link
         as_is: True to keep the file's parents, even if their links change in the animations.
     """
     file_parents = [body.parent for body in bodies]
-    misfits = _rest_misfits(bodies)
+    misfits = _compute_rest_misfits(bodies)
     loose_bodies = [
         p < 0 or (not as_is and misfits[j, p] > _MIN_LOOSE_FRACTION * size)
         for j, p in enumerate(file_parents)
@@ -155,7 +155,7 @@ def depth_first_order(parents: dict[int, int]) -> list[int]:
     return order
 
 
-def _rest_misfits(bodies: list[LinkBody]) -> Float:
+def _compute_rest_misfits(bodies: list[LinkBody]) -> Float:
     """Returns the root mean square deviation (J, J), metres, of body j from its rest position relative to
     body p.
     """
@@ -201,9 +201,9 @@ def _attach_to_root(
         # be attached to them.
         t = next((t for t in remaining if file_parents[t] in inside), remaining[0])
         remaining.remove(t)
-        parents[t] = _new_parent(bodies, t, file_parents[t], inside, misfits)
+        parents[t] = _choose_new_parent(bodies, t, file_parents[t], inside, misfits)
         inside |= {j for j in range(len(bodies)) if tops[j] == t}
-    kept_bodies = inside & _carrying_bodies(bodies, parents, inside)
+    kept_bodies = inside & _find_carrying_bodies(bodies, parents, inside)
     merged_bodies = tuple(j for j in above if bodies[j].mass > 0)
     return Links({j: parents[j] for j in sorted(kept_bodies | {root})}, merged_bodies, [])
 
@@ -217,12 +217,15 @@ def _file_ancestors(file_parents: list[int], j: int) -> list[int]:
     return chain
 
 
-def _new_parent(bodies: list[LinkBody], child: int, old_parent: int, inside: set[int], misfits: Float) -> int:
+def _choose_new_parent(
+    bodies: list[LinkBody], child: int, old_parent: int, inside: set[int], misfits: Float
+) -> int:
     """Returns the body to which a cut branch is attached. It is the old parent, unless the branch follows
     another body much better.
     """
     costs = {
-        c: misfits[child, c] + _MISFIT_PER_REST_DISTANCE * _rest_distance(bodies, child, c) for c in inside
+        c: misfits[child, c] + _MISFIT_PER_REST_DISTANCE * _compute_rest_distance(bodies, child, c)
+        for c in inside
     }
     best_parent = min(costs, key=lambda c: (costs[c], c))
     return (
@@ -233,7 +236,7 @@ def _new_parent(bodies: list[LinkBody], child: int, old_parent: int, inside: set
     )
 
 
-def _rest_distance(bodies: list[LinkBody], child: int, parent: int) -> float:
+def _compute_rest_distance(bodies: list[LinkBody], child: int, parent: int) -> float:
     points = [bodies[parent].rest, *(leaf_position for _, leaf_position in bodies[parent].leaves)]
     return min(float(np.linalg.norm(bodies[child].rest - p)) for p in points)
 
@@ -244,7 +247,7 @@ def _find_root(parents: list[int], j: int) -> int:
     return j
 
 
-def _carrying_bodies(bodies: list[LinkBody], parents: list[int], inside: set[int]) -> set[int]:
+def _find_carrying_bodies(bodies: list[LinkBody], parents: list[int], inside: set[int]) -> set[int]:
     """Returns the bodies that move vertices, and their ancestors."""
     carriers: set[int] = set()
     for j in inside:

@@ -268,7 +268,7 @@ class _Joints:
             return any(abs(lengths[i] - lengths[k]) < _MAX_PAIR_DIFFERENCE * lengths[k] for i in similar)
 
         straight = [k for k in bones if bends[k] >= _STRAIGHT_BONE_COSINE and not paired(k)]
-        return max(straight, key=lambda k: (self._descendant_count(k), -k), default=-1)
+        return max(straight, key=lambda k: (self._count_descendants(k), -k), default=-1)
 
     def point_beyond(self, joint_number: int, fraction: float) -> Float:
         """Returns a point (3,) beyond a joint, metres. Its distance from the joint is ``fraction`` of the
@@ -280,7 +280,7 @@ class _Joints:
             fraction * incoming if length > 1e-3 * self._size else [0.0, 0.05 * self._size, 0]
         )
 
-    def _descendant_count(self, joint: int) -> int:
+    def _count_descendants(self, joint: int) -> int:
         """Returns the number of joints in the subtree of a joint."""
         inside = {joint}
         for k in range(joint + 1, len(self.names)):
@@ -296,7 +296,7 @@ class _Joints:
         above = [-1 if self.parents[old] < 0 else new[self.parents[old]] for old in order]
         names = tuple(self.names[old] for old in order)
         skeleton = Skeleton(names, np.array(above, np.int32), np.array([self.rest[old] for old in order]))
-        drivers, bodies = ([some[old] for old in order] for some in (self.drivers, self.bodies))
+        drivers, bodies = ([values[old] for old in order] for values in (self.drivers, self.bodies))
         return skeleton, drivers, bodies, {j: new[k] for j, k in bone.items()}
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.meshes.gltf.file import GltfFile
 from enliven.meshes.gltf.motion import bind_locals, world_matrices
-from enliven.meshes.gltf.parts import GltfPart, moving_nodes
+from enliven.meshes.gltf.parts import GltfPart, find_moving_nodes
 
 _MAX_SCALE_ROUNDING = 1e-3
 """Maximum relative difference between a joint's scale and its scale at binding that counts as rounding. With
@@ -40,7 +40,7 @@ class Bind:
         self._file, self._still = file, still
         standing = bind_locals(file, still)
         self.rest, self._scale = world_matrices(file, standing)[0], standing.scale[0]
-        self._order = moving_nodes(file, parts)
+        self._order = find_moving_nodes(file, parts)
         self.world = self.rest.copy()
         self.inverse: dict[int, dict[int, Float]] = {}
         bound_nodes: set[int] = set()
@@ -108,7 +108,7 @@ class Bind:
         top = min(inverse, key=lambda node: (self._node_depth(node), node))
         by_joint, by_node = self.rest[top] @ inverse[top], self.rest[carrier]
         if self._has_joint_clips and not _is_even(by_joint):
-            by_joint = self._uniform_rest(top) @ inverse[top]
+            by_joint = self._compute_uniform_rest(top) @ inverse[top]
         bound = np.stack([np.linalg.inv(m)[:3, 3] for m in inverse.values()])
         rest_positions = bound @ by_joint[:3, :3].T + by_joint[:3, 3]
         bound_positions = bound @ by_node[:3, :3].T + by_node[:3, 3]
@@ -126,7 +126,7 @@ class Bind:
         """True if the file has animations, unless the surface is read as a ``still``."""
         return bool(self._file.document.animations) and not self._still
 
-    def _uniform_rest(self, node: int) -> Float:
+    def _compute_uniform_rest(self, node: int) -> Float:
         """Returns a node's rest transform (4, 4) with a uniform scale. The animations contain the actual
         scale.
         """
@@ -166,7 +166,10 @@ class Bind:
             if channel.target is not None and channel.target.path == "scale"
         }
         bound = self.world.copy()
-        sizes = {node: _uniform_scale(self.rest[node]) / _uniform_scale(bound[node]) for node in known}
+        sizes = {
+            node: _compute_uniform_scale(self.rest[node]) / _compute_uniform_scale(bound[node])
+            for node in known
+        }
         # Mark nodes that are mirrored at rest relative to the bind pose.
         mirrored = {node: _is_mirrored(self.rest[node]) != _is_mirrored(bound[node]) for node in known}
         moving = set[int]()
@@ -213,7 +216,7 @@ class Bind:
         return signs if signs.prod() < 0 else np.array([-1.0, 1.0, 1.0])
 
 
-def _uniform_scale(matrix: Float) -> float:
+def _compute_uniform_scale(matrix: Float) -> float:
     return float(np.cbrt(abs(np.linalg.det(matrix[:3, :3]))))
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import Float, UInt8
-from enliven.errors import InputError, plain_reason
+from enliven.errors import InputError, find_plain_reason
 from enliven.meshes.gltf.file import GltfFile
 from enliven.meshes.gltf.srgb import linear_from_srgb, srgb_from_linear
 from enliven.meshes.pictures import open_picture
@@ -83,7 +83,7 @@ class Colours:
                     data = self._file.data_of_uri(image.uri)
                 self._pictures[texture] = self._decode_image(data)
             except Exception as error:  # Third-party decoders may raise any exception for damaged data.
-                reason = plain_reason(error)
+                reason = find_plain_reason(error)
                 self.notes.append(f"texture {texture} cannot be read ({reason}), so it is replaced by white")
                 self._pictures[texture] = None
         return self._pictures[texture]

@@ -118,7 +118,7 @@ def _show_node(document: Entry, pointer: Any) -> None:
             vars(visibility)["visible"] = True
 
 
-def hidden_nodes(document: Entry, parents: list[int]) -> set[int]:
+def find_hidden_nodes(document: Entry, parents: list[int]) -> set[int]:
     """Returns the hidden nodes of a file, with their whole subtrees."""
     visible = [
         getattr(getattr(node.extensions, VISIBILITY, None), "visible", None) for node in document.nodes

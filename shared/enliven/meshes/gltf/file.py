@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import AnyArray, Float
-from enliven.errors import EnlivenError, InputError, plain_reason
+from enliven.errors import EnlivenError, InputError, find_plain_reason
 from enliven.files import DAMAGE, ReferencedFiles, is_file, read_file
 from enliven.meshes.gltf.compression import MAX_UNPACKED_BYTES, check_meshopt, draco_arrays, meshopt_bytes
-from enliven.meshes.gltf.extensions import DRACO, MESHOPT, extension_notes, follow_pointers, hidden_nodes
+from enliven.meshes.gltf.extensions import DRACO, MESHOPT, extension_notes, find_hidden_nodes, follow_pointers
 from enliven.meshes.gltf.gltf_json import GLTF_SUFFIXES, Entry, gltf_document
 from enliven.meshes.gltf.vrm import read_human_bones
 
@@ -61,7 +61,7 @@ class GltfFile:
             self.notes = extension_notes(self.document)
             _check_references(self.document)
             self.notes += follow_pointers(self.document)
-            self.hidden = hidden_nodes(self.document, self.parents)
+            self.hidden = find_hidden_nodes(self.document, self.parents)
         except InputError as error:
             raise self.create_error(error.what, error.remedy or _EXPORT_ADVICE) from None
         except DAMAGE as error:
@@ -74,7 +74,7 @@ class GltfFile:
     def create_damage_error(self, error: Exception) -> InputError:
         """Converts an exception that was caused by a damaged file into an InputError."""
         logging.getLogger(__name__).debug("glTF", exc_info=error)
-        return self.create_error(f"the file is damaged: {plain_reason(error)}")
+        return self.create_error(f"the file is damaged: {find_plain_reason(error)}")
 
     def keys(self, sampler: Any, path: str) -> Float:
         """Returns the values (K, C) of a sampler at its K keys. For cubic interpolation, returns values and
@@ -114,7 +114,11 @@ class GltfFile:
         packed = getattr(primitive.extensions, DRACO, None)
         if packed is None:
             return
-        accessor_numbers = {name: at for name, at in vars(packed.attributes).items() if isinstance(at, int)}
+        accessor_numbers = {
+            name: accessor_number
+            for name, accessor_number in vars(packed.attributes).items()
+            if isinstance(accessor_number, int)
+        }
         try:
             arrays, faces = draco_arrays(
                 self.data_of_view(packed.bufferView), accessor_numbers, str(self.path)
@@ -159,7 +163,7 @@ class GltfFile:
         except EnlivenError:
             raise
         except Exception as error:  # Numbers out of range may raise any exception.
-            raise self.create_error(f"{what} cannot be read: {plain_reason(error)}") from None
+            raise self.create_error(f"{what} cannot be read: {find_plain_reason(error)}") from None
 
     def _read_accessor(self, index: int) -> AnyArray:
         accessor = self.document.accessors[index]
@@ -208,9 +212,9 @@ class GltfFile:
             packed = getattr(view_entry.extensions, extension, None)
             if isinstance(packed, Entry):
                 return self._decompress_view(view, packed, extension)
-        return self._declared_bytes(view_entry)
+        return self._count_declared_bytes(view_entry)
 
-    def _declared_bytes(self, found: Any) -> bytes:
+    def _count_declared_bytes(self, found: Any) -> bytes:
         """Returns the bytes that a buffer view declares. The JSON entry of a compressed view has the same
         format.
         """
@@ -233,7 +237,9 @@ class GltfFile:
                     raise InputError(
                         f"the decompressed data has more than {MAX_UNPACKED_BYTES} bytes in total"
                     )
-                self._unpacked[view] = meshopt_bytes(self._declared_bytes(packed), packed, str(self.path))
+                self._unpacked[view] = meshopt_bytes(
+                    self._count_declared_bytes(packed), packed, str(self.path)
+                )
             except InputError as error:
                 if error.where == str(self.path):
                     raise
@@ -291,7 +297,7 @@ def _parse_document(path: Path) -> tuple[Entry, list[int], bytes | None]:
             )
     except (InputError, *DAMAGE) as error:
         logging.getLogger(__name__).debug("glTF", exc_info=True)
-        problem = f"the file cannot be read as glTF 2: {plain_reason(error)}"
+        problem = f"the file cannot be read as glTF 2: {find_plain_reason(error)}"
         raise InputError(
             problem,
             where=str(path),

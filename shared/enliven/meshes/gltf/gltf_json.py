@@ -10,7 +10,7 @@ import json
 import struct
 from typing import Any
 
-from enliven.errors import InputError, plain_reason
+from enliven.errors import InputError, find_plain_reason
 
 GLTF_SUFFIXES = (".glb", ".gltf", ".vrm")
 """File suffixes of glTF. A VRM avatar is a GLB with a map of its human bones."""
@@ -72,7 +72,7 @@ def gltf_tree(data: bytes) -> dict[str, Any]:
     try:
         _check_amounts(tree)
     except (AttributeError, KeyError, TypeError, IndexError, OverflowError) as error:
-        raise InputError(f"the JSON text of the file is damaged: {plain_reason(error)}") from None
+        raise InputError(f"the JSON text of the file is damaged: {find_plain_reason(error)}") from None
     return tree
 
 
@@ -89,7 +89,7 @@ def gltf_document(data: bytes) -> tuple[Entry, list[int], bytes | None]:
     for name in _DOCUMENT_LISTS:
         if getattr(document, name) is None:
             setattr(document, name, [])
-    return document, parents, _first_chunk(data, b"BIN\0")
+    return document, parents, _read_first_chunk(data, b"BIN\0")
 
 
 def node_parents(children: list[list[int]]) -> list[int]:
@@ -130,14 +130,14 @@ def _json_text(data: bytes) -> str:
     """Returns the JSON text of a file: the whole of a glTF file, or the JSON chunk of a GLB."""
     text = data
     if data[:4] == b"glTF":
-        chunk = _first_chunk(data, b"JSON")
+        chunk = _read_first_chunk(data, b"JSON")
         if chunk is None:
             raise InputError("the file contains no JSON text, so it is truncated or damaged")
         text = chunk
     return text.decode("utf-8-sig")
 
 
-def _first_chunk(data: bytes, requested_kind: bytes) -> bytes | None:
+def _read_first_chunk(data: bytes, requested_kind: bytes) -> bytes | None:
     """Returns the first chunk of the given kind in a GLB. The chunk may be truncated."""
     offset = _GLB_HEADER.size if data[:4] == b"glTF" else len(data)
     while offset + _CHUNK_HEADER.size <= len(data):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import Float, Float32, Int32
-from enliven.errors import InputError, plain_reason
+from enliven.errors import InputError, find_plain_reason
 from enliven.files import DAMAGE
 from enliven.meshes.gltf.file import GltfFile
 from enliven.meshes.gltf.gltf_json import Entry
@@ -89,32 +89,32 @@ class Materials:
 
     def _store_material(self, at: int) -> int:
         """Stores a material and its textures. Returns its number, or -1 if it is damaged."""
-        value = _plain_json(self._file.document.materials[at])
+        value = _convert_to_plain_json(self._file.document.materials[at])
         try:
             for number in set(textures_in(value)):
                 if number not in self._textures:
                     self._textures[number] = self._store_texture(number)
-            self.definitions.append(json.dumps(self._renumbered_json(value), sort_keys=True, allow_nan=False))
+            self.definitions.append(json.dumps(self._renumber_json(value), sort_keys=True, allow_nan=False))
         except (InputError, *DAMAGE) as error:
             self.notes.append(
-                f"material {at} cannot be read ({plain_reason(error)}), so only its colour is used"
+                f"material {at} cannot be read ({find_plain_reason(error)}), so only its colour is used"
             )
             return -1
         return len(self.definitions) - 1
 
-    def _renumbered_json(self, value: Any, in_extensions: bool = False) -> Any:
+    def _renumber_json(self, value: Any, in_extensions: bool = False) -> Any:
         """Returns the JSON of a material with renumbered textures. Textures that were left out are removed.
 
         Args:
             in_extensions: True if the keys of the value are names of extensions.
         """
         if isinstance(value, list):
-            return [self._renumbered_json(item) for item in value]
+            return [self._renumber_json(item) for item in value]
         if not isinstance(value, dict):
             return value
         renumbered = dict[str, Any]()
         for key, item in value.items():
-            renumbered[key] = self._renumbered_json(item, key == "extensions")
+            renumbered[key] = self._renumber_json(item, key == "extensions")
             if key.endswith("Texture") and isinstance(item, dict):
                 number = self._textures[item["index"]]
                 if number is None:
@@ -146,11 +146,11 @@ class Materials:
             sampler_text = (
                 ""
                 if sampler is None
-                else json.dumps(_plain_json(_find_entry(self._file.document.samplers, sampler)))
+                else json.dumps(_convert_to_plain_json(_find_entry(self._file.document.samplers, sampler)))
             )
             kept_texture = Texture(np.frombuffer(data, np.uint8), sampler_text)
         except (InputError, *DAMAGE) as error:
-            self.notes.append(f"texture {number} is ignored ({plain_reason(error)})")
+            self.notes.append(f"texture {number} is ignored ({find_plain_reason(error)})")
             return None
         self.textures.append(kept_texture)
         return len(self.textures) - 1
@@ -171,11 +171,11 @@ def _find_entry(entries: list[Any] | None, number: int) -> Any:
     return entries[number]
 
 
-def _plain_json(value: Any) -> Any:
+def _convert_to_plain_json(value: Any) -> Any:
     """Returns a value of the document as plain JSON."""
     if isinstance(value, Entry):
-        return {name: _plain_json(item) for name, item in vars(value).items()}
-    return [_plain_json(item) for item in value] if isinstance(value, list) else value
+        return {name: _convert_to_plain_json(item) for name, item in vars(value).items()}
+    return [_convert_to_plain_json(item) for item in value] if isinstance(value, list) else value
 
 
 def _read_rows(file: GltfFile, accessor: int, count: int, width: int) -> Float32:

@@ -60,7 +60,7 @@ def rest_locals(file: GltfFile) -> Locals:
     """Returns the nodes' rest transforms in the file (one frame, F = 1). Scales of 0 are replaced by a tiny
     scale.
     """
-    transforms = _rest_transforms(file)
+    transforms = _collect_rest_transforms(file)
     _replace_zero_scales(transforms, file.scale_keys)
     return transforms
 
@@ -72,7 +72,7 @@ def bind_locals(file: GltfFile, still: bool = False) -> Locals:
     animation have a shape. A node that is mirrored in all animations, but not in the file's rest pose, is
     mirrored, unless ``still`` is set.
     """
-    transforms, sizes = _rest_transforms(file), file.scale_keys
+    transforms, sizes = _collect_rest_transforms(file), file.scale_keys
     for node, clips in sizes.items():
         rest = transforms.scale[0, node]
         keys = np.concatenate(list(clips.values()))
@@ -109,7 +109,7 @@ def _replace_zero_scales(made: Locals, sizes: dict[int, dict[int, Float]]) -> No
 
 def zero_scale_nodes(file: GltfFile) -> set[int]:
     """Returns the nodes with scale 0 at rest and in all animations, with their whole subtrees."""
-    stated, zero_nodes = _rest_transforms(file), set[int]()
+    stated, zero_nodes = _collect_rest_transforms(file), set[int]()
     for node in range(len(file.parents)):
         fixed = stated.fixed.get(node)
         size = stated.scale[0, node] if fixed is None else fixed[:3, :3]
@@ -125,7 +125,7 @@ def zero_scale_nodes(file: GltfFile) -> set[int]:
     return zero_nodes
 
 
-def _rest_transforms(file: GltfFile) -> Locals:
+def _collect_rest_transforms(file: GltfFile) -> Locals:
     """Returns the nodes' rest transforms in the file (one frame, F = 1)."""
     nodes = file.document.nodes
     count = len(nodes)
@@ -153,9 +153,9 @@ def world_matrices(file: GltfFile, locals_: Locals) -> Float:
     local = compose_matrices(locals_.translation, locals_.rotation, locals_.scale)
     for number, matrix in locals_.fixed.items():
         local[:, number] = matrix
-    world, done = local.copy(), set[int]()
+    world, finished_nodes = local.copy(), set[int]()
     for node in range(len(file.parents)):
-        _compute_world(file.parents, world, local, done, node)
+        _compute_world(file.parents, world, local, finished_nodes, node)
     return world
 
 
@@ -182,7 +182,7 @@ def frame_times(file: GltfFile, animation: int) -> Float:
 
     If the keys are evenly spaced, their times are among the sample times.
     """
-    samplers = _used_samplers(file, animation)
+    samplers = _find_used_samplers(file, animation)
     keys = [_key_times(file, sampler.input) for sampler in samplers]
     keys = [k for k in keys if len(k)]
     if not keys:
@@ -206,7 +206,7 @@ def key_times(file: GltfFile, animation: int, even: Float) -> Float:
     Each jump of a STEP channel adds two times: just before its key, and at the key.
     """
     candidates, step = list[Float](), float(even[1] - even[0]) if len(even) > 1 else 1.0
-    for sampler in _used_samplers(file, animation):
+    for sampler in _find_used_samplers(file, animation):
         keys = _key_times(file, sampler.input)
         if sampler.interpolation == "STEP" and len(keys) > 1:
             values = np.asarray(file.accessor(sampler.output), np.float64)
@@ -244,7 +244,7 @@ def _scale_change_times(file: GltfFile, animation: int) -> list[Float]:
     return times
 
 
-def _used_samplers(file: GltfFile, animation: int) -> list[Any]:
+def _find_used_samplers(file: GltfFile, animation: int) -> list[Any]:
     """Returns the samplers of the channels that move nodes."""
     animation_entry = file.document.animations[animation]
     used = {
@@ -255,9 +255,9 @@ def _used_samplers(file: GltfFile, animation: int) -> list[Any]:
     return [animation_entry.samplers[number] for number in sorted(used)]
 
 
-def animated_locals(file: GltfFile, animation: int, times: Float) -> Locals:
+def sample_animated_locals(file: GltfFile, animation: int, times: Float) -> Locals:
     """Samples every channel of an animation at ``times`` (F,) seconds."""
-    rest = _rest_transforms(file)
+    rest = _collect_rest_transforms(file)
     count = len(times)
     transforms = Locals(
         np.repeat(rest.translation, count, 0),
@@ -303,20 +303,20 @@ def sample_channel(keys: Float, values: Float, interpolation: str, path: str, ti
     if len(keys) == 1:
         return np.repeat(points[:1], len(times), 0)
     times = np.clip(times, keys[0], keys[-1])
-    before = np.clip(np.searchsorted(keys, times, "right") - 1, 0, len(keys) - 2)
-    span = np.maximum(keys[before + 1] - keys[before], 1e-12)
-    fraction = np.clip((times - keys[before]) / span, 0.0, 1.0)
+    previous = np.clip(np.searchsorted(keys, times, "right") - 1, 0, len(keys) - 2)
+    span = np.maximum(keys[previous + 1] - keys[previous], 1e-12)
+    fraction = np.clip((times - keys[previous]) / span, 0.0, 1.0)
     if interpolation == "STEP":
-        return np.asarray(points[np.where(fraction >= 1.0, before + 1, before)])
+        return np.asarray(points[np.where(fraction >= 1.0, previous + 1, previous)])
     if cubic:
-        curve = _hermite_spline(values, before, span[:, None], fraction[:, None])
+        curve = _hermite_spline(values, previous, span[:, None], fraction[:, None])
         return unit(curve) if path == "rotation" else curve
     if path == "rotation":
         # slerp works with any order of the quaternion components, because both quaternions use the same
         # order.
-        a, b = unit(points[before]), unit(points[before + 1])
+        a, b = unit(points[previous]), unit(points[previous + 1])
         return np.roll(rotation.slerp(np.roll(a, 1, -1), np.roll(b, 1, -1), fraction), -1, -1)
-    return np.asarray(points[before] + fraction[:, None] * (points[before + 1] - points[before]))
+    return np.asarray(points[previous] + fraction[:, None] * (points[previous + 1] - points[previous]))
 
 
 def _hermite_spline(values: Float, previous_keys: np.ndarray, span: Float, s: Float) -> Float:  # type: ignore[type-arg]

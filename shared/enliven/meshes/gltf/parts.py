@@ -67,7 +67,7 @@ def read_parts(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materi
     colours, materials, parts = Colours(file), Materials(file), list[GltfPart]()
     notes.extend(file.notes)
     zero_nodes, hidden = zero_scale_nodes(file), file.hidden
-    for number in visible_nodes(file):
+    for number in find_visible_nodes(file):
         node = file.document.nodes[number]
         if node.mesh is None:
             continue
@@ -87,7 +87,7 @@ def read_parts(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materi
     return [part for part in parts if len(part.faces)], materials
 
 
-def visible_nodes(file: GltfFile) -> list[int]:
+def find_visible_nodes(file: GltfFile) -> list[int]:
     """Returns the visible nodes of the default scene, parents first. If the file has no default scene,
     returns the nodes of the whole file.
     """
@@ -100,11 +100,11 @@ def visible_nodes(file: GltfFile) -> list[int]:
     return _nodes_with_subtrees(file, roots)
 
 
-def moving_nodes(file: GltfFile, parts: list[GltfPart]) -> list[int]:
+def find_moving_nodes(file: GltfFile, parts: list[GltfPart]) -> list[int]:
     """Returns the visible nodes of the scene, and then the nodes of joint trees outside of the scene. Parents
     come before their children.
     """
-    shown = visible_nodes(file)
+    shown = find_visible_nodes(file)
     listed, roots = set(shown), list[int]()
     for skin in dict.fromkeys(part.skin for part in parts if part.skin >= 0):
         for node in file.document.skins[skin].joints:
@@ -162,7 +162,7 @@ def _read_part(
                 f"skin has only {len(skin_joints)} joints"
             )
         joints = skin_joints[np.minimum(joints, len(skin_joints) - 1)]
-    four, four_weights = strongest_influences(joints, weights)
+    four, four_weights = find_strongest_influences(joints, weights)
     corners = materials.corners(primitive, len(vertices))
     other_values = (
         colours.compute_vertex_colours(primitive),
@@ -272,7 +272,7 @@ def _joint_influences(file: GltfFile, attributes: Any, count: int) -> tuple[Int 
     return np.concatenate(joints, 1), np.nan_to_num(np.maximum(np.concatenate(weights, 1), 0.0))
 
 
-def strongest_influences(joints: Int, weights: Float) -> tuple[Int, Float]:
+def find_strongest_influences(joints: Int, weights: Float) -> tuple[Int, Float]:
     """Returns (V, 4) joints and (V, 4) weights: the four largest of each vertex, with a sum of one.
 
     Repeated joints are merged.

@@ -97,17 +97,17 @@ def split_by_material(mesh: Mesh) -> Iterator[tuple[int, Int, Int, dict[str, Flo
         yield -1, np.arange(len(mesh.vertices)), mesh.faces.astype(np.int64), {}
         return
     for number in np.unique(materials.of):
-        mine = np.flatnonzero(materials.of == number)
-        uvs = materials.uvs[mine].reshape(3 * len(mine), -1)
+        material_faces = np.flatnonzero(materials.of == number)
+        uvs = materials.uvs[material_faces].reshape(3 * len(material_faces), -1)
         tints = (
             np.ones((len(uvs), 4), np.float32)
             if materials.tints is None
-            else materials.tints[mine].reshape(-1, 4)
+            else materials.tints[material_faces].reshape(-1, 4)
         )
         if number < 0:
             uvs, tints = uvs[:, :0], np.ones_like(tints)
         is_uniform = uvs.shape[1] == 0 and bool((tints == tints[0]).all())
-        rows = mesh.faces[mine].ravel().astype(np.float64)
+        rows = mesh.faces[material_faces].ravel().astype(np.float64)
         rows = rows if is_uniform else np.concatenate([rows[:, None], uvs, tints], 1)
         _, first_corners, vertex_of_corner = np.unique(rows, axis=0, return_index=True, return_inverse=True)
         corners = {f"TEXCOORD_{k}": uvs[first_corners, 2 * k : 2 * k + 2] for k in range(uvs.shape[1] // 2)}
@@ -115,7 +115,7 @@ def split_by_material(mesh: Mesh) -> Iterator[tuple[int, Int, Int, dict[str, Flo
             corners["COLOR_0"] = tints[first_corners]
         yield (
             int(number),
-            mesh.faces[mine].ravel()[first_corners].astype(np.int64),
+            mesh.faces[material_faces].ravel()[first_corners].astype(np.int64),
             vertex_of_corner.reshape(-1, 3),
             corners,
         )

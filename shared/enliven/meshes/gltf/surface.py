@@ -78,7 +78,7 @@ def _join_parts(
 ) -> Mesh:
     """Joins all parts into one mesh. Faces of mirrored parts are flipped."""
     vertex_starts = np.cumsum([0, *(len(v) for v in rest)])
-    faces = [_outward_faces(part, bind) for part in parts]
+    faces = [_turn_faces_outward(part, bind) for part in parts]
     shown = [(part_faces, part.material, part.corners) for part_faces, part in zip(faces, parts, strict=True)]
     all_faces = np.concatenate(
         [part_faces + start for part_faces, start in zip(faces, vertex_starts[:-1], strict=True)]
@@ -88,12 +88,12 @@ def _join_parts(
         vertices,
         all_faces.astype(np.int32),
         name,
-        _joined_colours(parts),
+        _join_colours(parts),
         materials.join_materials_of_parts(shown),
     )
 
 
-def _outward_faces(part: GltfPart, bind: Bind) -> Int32:
+def _turn_faces_outward(part: GltfPart, bind: Bind) -> Int32:
     """Returns the faces (F, 3) of a part, flipped if most of their corners are mirrored."""
     used_nodes = np.unique(part.nodes[:, 0])
     mirrored = {
@@ -107,7 +107,7 @@ def _outward_faces(part: GltfPart, bind: Bind) -> Int32:
     return np.where(is_mirrored[part.faces].sum(1)[:, None] > 1, part.faces[:, ::-1], part.faces)
 
 
-def _joined_colours(parts: list[GltfPart]) -> UInt8 | None:
+def _join_colours(parts: list[GltfPart]) -> UInt8 | None:
     """Returns (V, 3) sRGB colours of all parts, white for a part without colours. None if no part has
     colours.
     """

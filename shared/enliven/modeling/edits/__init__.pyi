@@ -4,7 +4,7 @@ from .take_comping import (
     choose_take as choose_take,
     drop_take as drop_take,
     keep_take as keep_take,
-    alternative_takes as alternative_takes,
+    list_alternative_takes as list_alternative_takes,
 )
 from .characters import (
     change_layers as change_layers,

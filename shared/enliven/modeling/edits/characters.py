@@ -73,8 +73,8 @@ def paste_character(
         )
     project, names = _with_takes_of(project, source, character)
     copy = character.with_takes_named(names).with_changes(id=unused(character_id, project.characters))
-    copy = get_rig_edits(copy).moved(
-        copy if delay == 0.0 else copy.later(delay), shift, IDENTITY, np.zeros(3)
+    copy = get_rig_edits(copy).move(
+        copy if delay == 0.0 else copy.delay_motion(delay), shift, IDENTITY, np.zeros(3)
     )
     return project.with_characters(copy), copy.id
 
@@ -85,7 +85,7 @@ def delete_character(project: Project, character_id: str) -> Project:
     Raises:
         InputError: if the character does not exist.
     """
-    return project.without(character_id)
+    return project.drop_character(character_id)
 
 
 def rename_character(project: Project, character_id: str, new_name: str) -> Project:
@@ -139,7 +139,7 @@ def move_character(
             where=character.where,
             remedy="Pass three finite numbers in metres and a unit quaternion (w, x, y, z).",
         )
-    return project.with_characters(get_rig_edits(character).moved(character, shift, turn, centre))
+    return project.with_characters(get_rig_edits(character).move(character, shift, turn, centre))
 
 
 def turn_character(project: Project, character_id: str, turn: AnyArray) -> Project:
@@ -162,7 +162,7 @@ def scale_character(project: Project, character_id: str, factor: float) -> Proje
     if not (np.isfinite(factor) and factor > 0.0):
         remedy = "Pass a factor above 0. To mirror the character, use mirror_character."
         raise InputError(f"a character cannot be scaled by {factor}", where=character.where, remedy=remedy)
-    return project.with_characters(get_rig_edits(character).scaled(character, float(factor)))
+    return project.with_characters(get_rig_edits(character).scale(character, float(factor)))
 
 
 def mirror_character(project: Project, character_id: str, normal: AnyArray | Sequence[float]) -> Project:
@@ -184,7 +184,7 @@ def shift_character(project: Project, character_id: str, delay: float) -> Projec
     Raises:
         InputError: if the character does not exist, or the delay is not a number.
     """
-    return project.with_characters(project.character(character_id).later(delay))
+    return project.with_characters(project.character(character_id).delay_motion(delay))
 
 
 def change_layers(project: Project, character_id: str, numbers: Iterable[int], **changes: Any) -> Project:
@@ -195,14 +195,14 @@ def change_layers(project: Project, character_id: str, numbers: Iterable[int], *
     Raises:
         InputError: if the character or layer does not exist, or a layer cannot be played with these values.
     """
-    character, wanted = project.character(character_id), set(numbers)
-    _check_layers(character, wanted)
+    character, wanted_numbers = project.character(character_id), set(numbers)
+    _check_layers(character, wanted_numbers)
     layers = (
-        _changed_layer(layer, changes) if number in wanted else layer
+        _change_layer(layer, changes) if number in wanted_numbers else layer
         for number, layer in enumerate(character.playing)
     )
     changed_layers = character.with_playing(*layers)
-    get_rig_edits(changed_layers).check_layers(project, changed_layers, wanted)
+    get_rig_edits(changed_layers).check_layers(project, changed_layers, wanted_numbers)
     return project.with_characters(changed_layers)
 
 
@@ -278,7 +278,7 @@ def _with_takes_of(
             collection and the take's old id.
     """
     ids: dict[tuple[str, str], str] = {}
-    for collection, names in character.needed().items():
+    for collection, names in character.find_needed_ids().items():
         for name in sorted(names):
             new_takes, take = getattr(project, collection), getattr(source, collection)[name]
             if name not in new_takes or not are_identical(new_takes[name], take):
@@ -301,6 +301,6 @@ def _check_layers(character: RigBase, numbers: set[int]) -> None:
         )
 
 
-def _changed_layer(layer: LayerBase, changes: dict[str, Any]) -> LayerBase:
+def _change_layer(layer: LayerBase, changes: dict[str, Any]) -> LayerBase:
     check_names(changes, type(layer), f"layer of {layer.take!r}")
     return replace(layer, **changes)

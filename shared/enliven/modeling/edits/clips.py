@@ -47,7 +47,10 @@ def split_clip(project: Project, character_id: str, numbers: Iterable[int], time
     """
 
     numbers = tuple(numbers)
-    project_time, time = time, _find_layer(project.character(character_id), numbers[0]).to_unwarped_time(time)
+    project_time, time = (
+        time,
+        _find_layer(project.character(character_id), numbers[0]).convert_to_unwarped_time(time),
+    )
 
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
         clips_there = [
@@ -67,7 +70,7 @@ def split_clip(project: Project, character_id: str, numbers: Iterable[int], time
                 where=f"character {character_id!r}",
                 remedy="Split one of the clips outside of the blend.",
             )
-        parts = (replace(clip, end=time), replace(clip, begin=time, first=clip.second(time)))
+        parts = (replace(clip, end=time), replace(clip, begin=time, first=clip.compute_take_time(time)))
         return (*clips[:number], *parts, *clips[number + 1 :])
 
     return _with_clips(project, character_id, numbers, change)
@@ -89,7 +92,7 @@ def trim_clip(
     character, numbers = project.character(character_id), tuple(numbers)
     layer = _find_layer(character, numbers[0])
     length = project.length_of(layer)
-    begin, end = (None if at is None else layer.to_unwarped_time(at) for at in (begin, end))
+    begin, end = (None if time is None else layer.convert_to_unwarped_time(time) for time in (begin, end))
 
     def change(segment: Segment) -> Segment:
         ends = sorted(
@@ -103,7 +106,7 @@ def trim_clip(
         low, high = min(ends[0], segment.begin), max(ends[1], segment.end)
         start = segment.begin if begin is None else min(max(begin, low), segment.end - _MIN_CLIP_S)
         stop = segment.end if end is None else max(min(end, high), start + _MIN_CLIP_S)
-        return replace(segment, begin=start, end=stop, first=segment.second(start))
+        return replace(segment, begin=start, end=stop, first=segment.compute_take_time(start))
 
     return _with_changed_clip(project, character_id, numbers, clip, change)
 
@@ -130,7 +133,10 @@ def move_clip(
     layer = _find_layer(project.character(character_id), numbers[0])
 
     def change(segment: Segment) -> Segment:
-        start_delay = layer.to_unwarped_time(layer.to_warped_time(segment.begin) + delay) - segment.begin
+        start_delay = (
+            layer.convert_to_unwarped_time(layer.convert_to_warped_time(segment.begin) + delay)
+            - segment.begin
+        )
         return replace(segment, begin=segment.begin + start_delay, end=segment.end + start_delay)
 
     return _with_changed_clip(project, character_id, numbers, clip, change)
@@ -148,7 +154,7 @@ def stretch_clip(
     """Plays the same part of a clip's take faster or slower, so that it lasts from ``begin`` to ``end``."""
     numbers = tuple(numbers)
     layer = _find_layer(project.character(character_id), numbers[0])
-    begin, end = (None if at is None else layer.to_unwarped_time(at) for at in (begin, end))
+    begin, end = (None if time is None else layer.convert_to_unwarped_time(time) for time in (begin, end))
 
     def change(segment: Segment) -> Segment:
         start, stop = segment.begin if begin is None else begin, segment.end if end is None else end
@@ -204,15 +210,15 @@ def blend_clips(
             raise InputError(
                 "no clip begins at the end of this clip", where=f"character {character_id!r}", remedy=remedy
             )
-        before, after = clips[clip], clips[clip + 1]
-        middle = (before.end + after.begin) / 2.0
+        first, after = clips[clip], clips[clip + 1]
+        middle = (first.end + after.begin) / 2.0
         half = min(
-            max(seconds, 0.0) / 2.0, middle - before.begin - _MIN_CLIP_S, after.end - middle - _MIN_CLIP_S
+            max(seconds, 0.0) / 2.0, middle - first.begin - _MIN_CLIP_S, after.end - middle - _MIN_CLIP_S
         )
         start = middle - half
         blended = (
-            replace(before, end=middle + half),
-            replace(after, begin=start, first=after.second(start)),
+            replace(first, end=middle + half),
+            replace(after, begin=start, first=after.compute_take_time(start)),
         )
         return (*clips[:clip], *blended, *clips[clip + 2 :])
 

@@ -127,17 +127,17 @@ def find_feet(shape: GraphCharacter, nodes: Int) -> list[StandingFoot]:
         groups = [np.flatnonzero(is_near & carried) for is_near in near]
     else:
         low = np.flatnonzero((vertices[:, 1] < vertices[:, 1].min() + _SOLE_HEIGHT_FRACTION * tall) & carried)
-        groups = _proximity_groups(vertices[low], low, _MIN_FOOT_DISTANCE_FRACTION * size)
+        groups = _find_proximity_groups(vertices[low], low, _MIN_FOOT_DISTANCE_FRACTION * size)
     groups = sorted((group for group in groups if len(group)), key=len, reverse=True)[:_MAX_FEET]
     feet = []
     for group in groups:
-        few = group[:: max(len(group) // _MAX_VERTICES_PER_FOOT, 1)]
-        away = np.linalg.norm(shape.positions[nodes] - vertices[few].mean(0), axis=1)
-        feet.append(StandingFoot(few, int(nodes[away.argmin()])))
+        foot_vertices = group[:: max(len(group) // _MAX_VERTICES_PER_FOOT, 1)]
+        away = np.linalg.norm(shape.positions[nodes] - vertices[foot_vertices].mean(0), axis=1)
+        feet.append(StandingFoot(foot_vertices, int(nodes[away.argmin()])))
     return feet
 
 
-def _proximity_groups(places: Float, numbers: Int, apart: float) -> list[Int]:
+def _find_proximity_groups(places: Float, numbers: Int, apart: float) -> list[Int]:
     """Groups points (K, 3) by distance, and returns the ``numbers`` (K,) of each group. Points of different
     groups are more than ``apart`` metres apart."""
     if not len(places):
@@ -156,8 +156,8 @@ def _nodes_of_layers(shape: GraphCharacter, numbers: Iterable[int]) -> Int:
         if number < len(shape.parts):
             chosen.add(number)
         elif number < len(shape.parts) + len(shape.over):
-            own = shape.over[number - len(shape.parts)].own
-            chosen |= set((np.searchsorted(starts, own, side="right") - 1).tolist())
+            nodes = shape.over[number - len(shape.parts)].own
+            chosen |= set((np.searchsorted(starts, nodes, side="right") - 1).tolist())
         else:
             chosen |= set(range(len(shape.parts)))
     rows = [np.arange(starts[part], starts[part + 1]) for part in sorted(chosen)]
@@ -191,25 +191,25 @@ def _foot_lock_layer(
     lacking = np.stack(
         [_foot_corrections(shape, p, s, step, contact_mode) for p, s in zip(places, soles, strict=True)]
     )
-    own, shares = _foot_shares(shape, feet)
+    own_nodes, shares = _foot_shares(shape, feet)
     means = np.array(
         [[_mean_displacement(shape, foot, shares[:, j]) for j in range(len(feet))] for foot in feet]
     )
     driven = np.linalg.lstsq(means, lacking.reshape(len(feet), -1), rcond=None)[0].reshape(lacking.shape)
-    offsets = np.einsum("nj,jfc->fnc", shares, driven)[:, own]
+    offsets = np.einsum("nj,jfc->fnc", shares, driven)[:, own_nodes]
     for frame, (inverse, turn) in enumerate(back):
-        offsets[frame] = np.einsum("nij,nj->ni", inverse[own], rotate(turn, offsets[frame]))
-    rest = shape.positions[own]
-    stream = PoseStream(name, np.tile(np.eye(3), (count, len(own), 1, 1)), rest + offsets, step)
+        offsets[frame] = np.einsum("nij,nj->ni", inverse[own_nodes], rotate(turn, offsets[frame]))
+    rest = shape.positions[own_nodes]
+    stream = PoseStream(name, np.tile(np.eye(3), (count, len(own_nodes), 1, 1)), rest + offsets, step)
     when = {"offset": window.start, "loop": window.looped}
-    return stream, GraphLayer(name, np.arange(len(own)), own, rest, feet=contact_mode, **when)
+    return stream, GraphLayer(name, np.arange(len(own_nodes)), own_nodes, rest, feet=contact_mode, **when)
 
 
 def _foot_surface(shape: GraphCharacter, foot: StandingFoot, linear: Float, positions: Float) -> Float:
     """Returns the posed vertices (K, 3) in metres of a foot."""
-    few = foot.vertices
-    skin = SkinWeights(shape.skin.indices[few], shape.skin.weights[few])
-    return blend_vertices(np.asarray(shape.mesh.vertices)[few], skin, shape.positions, linear, positions)
+    vertices = foot.vertices
+    skin = SkinWeights(shape.skin.indices[vertices], shape.skin.weights[vertices])
+    return blend_vertices(np.asarray(shape.mesh.vertices)[vertices], skin, shape.positions, linear, positions)
 
 
 def _foot_corrections(
@@ -219,13 +219,15 @@ def _foot_corrections(
     heights (F,)."""
     if contact_mode == "ground":
         return np.maximum(-soles, 0.0)[:, None] * [0.0, 1.0, 0.0]
-    limb, how = _LIMB_LENGTH_FRACTION * float(np.ptp(shape.mesh.vertices[:, 1])), ContactSettings()
+    limb, settings = _LIMB_LENGTH_FRACTION * float(np.ptp(shape.mesh.vertices[:, 1])), ContactSettings()
     modes = np.full(len(places), FEET.index(contact_mode))
-    contacts = find_contacts(places, step, limb, how, modes)
+    contacts = find_contacts(places, step, limb, settings, modes)
     weights, goals = np.empty(len(places)), np.empty((len(places), 3))
     times = step * np.arange(len(places))
-    compute_hold_weights(times, contacts.starts, contacts.ends, contacts.places, how.blend, weights, goals)
-    goals[:, 1] += how.rise * np.maximum(places[:, 1] - goals[:, 1], 0.0)
+    compute_hold_weights(
+        times, contacts.starts, contacts.ends, contacts.places, settings.blend, weights, goals
+    )
+    goals[:, 1] += settings.rise * np.maximum(places[:, 1] - goals[:, 1], 0.0)
     lacking = np.where(weights[:, None] > 0.0, weights[:, None] * (goals - places), 0.0)
     if contact_mode == "always":
         lacking[:, 1] += np.maximum(-(soles + lacking[:, 1]), 0.0)
@@ -237,8 +239,8 @@ def _foot_shares(shape: GraphCharacter, feet: Sequence[StandingFoot]) -> tuple[I
     foot's motion that each of all N nodes follows."""
     shares = np.zeros((len(shape.positions), len(feet)))
     for number, foot in enumerate(feet):
-        own, follow = find_followers(shape, foot.node)
-        shares[own, number] = follow[:, 0]
+        own_nodes, follow = find_followers(shape, foot.node)
+        shares[own_nodes, number] = follow[:, 0]
     return np.flatnonzero(shares.any(1)), shares
 
 

@@ -101,7 +101,13 @@ def key_characters(
         radians, metres = root_values(project, character, root, moved, time)
         key_degrees = np.array(key_at(project, name, None, time).degrees)
         project = set_key(
-            project, name, None, time, _nearest_degrees(radians, key_degrees).tolist(), None, metres.tolist()
+            project,
+            name,
+            None,
+            time,
+            _find_nearest_degrees(radians, key_degrees).tolist(),
+            None,
+            metres.tolist(),
         )
     return project
 
@@ -121,10 +127,10 @@ def _key_joint(project: Project, shape: RiggedCharacter, j: int, place: Float, t
     seen_at = evaluate_pose(project, shape.id, time)
     turns, joints = seen_at.turns, seen_at.joints
     start = joints[int(shape.skeleton.parents[j])]
-    way, bone = place - start, joints[j] - start
-    if min(np.linalg.norm(way), np.linalg.norm(bone)) < 1e-9:
+    target, bone = place - start, joints[j] - start
+    if min(np.linalg.norm(target), np.linalg.norm(bone)) < 1e-9:
         return project
-    turn = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
+    turn = swing(bone / np.linalg.norm(bone), target / np.linalg.norm(target))
     # The joint's world rotation is D = P K, with the key's rotation K and the product P of the rotations
     # before it. After a further rotation w in the world it is w D = P K', so the new key is K' = K D^-1 w D.
     key_rotation = multiply(multiply(conjugate(turns[j]), turn), turns[j])
@@ -137,7 +143,7 @@ def _key_joint(project: Project, shape: RiggedCharacter, j: int, place: Float, t
     # It is its own inverse, so L^-1 = S basis^-1.
     own_rotation = multiply(multiply(conjugate(axes.turn), added), axes.turn)
     own_rotation = Axes(IDENTITY, axes.mirrored).rotations(own_rotation)
-    degrees = _nearest_degrees(to_rotation_vector(normalized(own_rotation)), key_degrees)
+    degrees = _find_nearest_degrees(to_rotation_vector(normalized(own_rotation)), key_degrees)
     return set_key(project, shape.id, j, time, degrees.tolist())
 
 
@@ -171,7 +177,7 @@ def _key_node(project: Project, shape: GraphCharacter, node: int, place: Float, 
     )
 
 
-def _nearest_degrees(radians: Float, previous_degrees: Float) -> Float:
+def _find_nearest_degrees(radians: Float, previous_degrees: Float) -> Float:
     """Converts a rotation vector (3,) from radians to degrees. Full turns are added so that the result is
     nearest to ``previous_degrees`` (3,).
     """

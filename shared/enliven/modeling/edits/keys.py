@@ -31,7 +31,7 @@ from enliven.document import (
     RootLayer,
     clip_from_keys,
     key_values,
-    keyed_stream,
+    make_keyed_stream,
     unused,
 )
 from enliven.errors import InputError
@@ -62,7 +62,7 @@ def find_keys(project: Project, character_id: str, handle: Handle) -> tuple[tupl
     if number is None:
         return ()
     layer = project.character(character_id).playing[number]
-    take = _keyed_take(project, layer)
+    take = _make_keyed_take(project, layer)
     return tuple((layer.time_of(key.second, take.duration), key) for key in take.keys)
 
 
@@ -72,8 +72,8 @@ def key_at(project: Project, character_id: str, handle: Handle, time: float) -> 
     if number is None:
         return MotionKey(max(float(time), 0.0))
     layer = project.character(character_id).playing[number]
-    take = _keyed_take(project, layer)
-    second = layer.played(time, take.duration)[0]
+    take = _make_keyed_take(project, layer)
+    second = layer.find_played_time(time, take.duration)[0]
     exact = [key for key in take.keys if abs(key.second - second) < 1e-6]
     if exact:
         return exact[0]
@@ -101,17 +101,17 @@ def set_key(
         InputError: if the handle does not exist or cannot have keys, or if the numbers do not form a key.
     """
     character, number = project.character(character_id), key_layer(project, character_id, handle)
-    new_key = _changed_key(key_at(project, character_id, handle, time), degrees, metres)
+    new_key = _change_key(key_at(project, character_id, handle, time), degrees, metres)
     _refuse_displacement(character, handle, new_key)
     if number is None:
         new_key = replace(new_key, ease=ease or "smooth")
         if handle is not None:
-            at = _handle_number(character, handle)
-            return get_rig_edits(character).with_key_layer(project, character, at, new_key)
+            handle_index = _handle_number(character, handle)
+            return get_rig_edits(character).with_key_layer(project, character, handle_index, new_key)
         return _with_root_layer(project, character, new_key)
     layer = character.playing[number]
     key_seconds = _second_in_keys(project, layer, time)
-    keys = _keyed_take(project, layer).keys
+    keys = _make_keyed_take(project, layer).keys
     same_frame = [key for key in keys if _frame_at(key.second) == _frame_at(key_seconds)]
     new_key = replace(
         new_key, second=key_seconds, ease=ease or (same_frame[0].ease if same_frame else "smooth")
@@ -138,9 +138,9 @@ def move_key(
     layer_number, old_key = _find_key(project, character_id, handle, key)
     character = project.character(character_id)
     layer = character.playing[layer_number]
-    moved_key = replace(_changed_key(old_key, degrees, metres), second=_second_in_keys(project, layer, time))
+    moved_key = replace(_change_key(old_key, degrees, metres), second=_second_in_keys(project, layer, time))
     _refuse_displacement(character, handle, moved_key)
-    other_keys = [other for other in _keyed_take(project, layer).keys if other is not old_key]
+    other_keys = [other for other in _make_keyed_take(project, layer).keys if other is not old_key]
     return _with_keys(project, character_id, layer_number, (*other_keys, moved_key))
 
 
@@ -151,7 +151,7 @@ def ease_key(project: Project, character_id: str, handle: Handle, key: int, ease
         InputError: if the key or interpolation does not exist.
     """
     number, old_key = _find_key(project, character_id, handle, key)
-    keys = _keyed_take(project, project.character(character_id).playing[number]).keys
+    keys = _make_keyed_take(project, project.character(character_id).playing[number]).keys
     changed_key = [replace(other, ease=ease) if other is old_key else other for other in keys]
     return _with_keys(project, character_id, number, changed_key)
 
@@ -164,17 +164,19 @@ def remove_key(project: Project, character_id: str, handle: Handle, key: int) ->
     """
     number, old_key = _find_key(project, character_id, handle, key)
     layer = project.character(character_id).playing[number]
-    remaining = [other for other in _keyed_take(project, layer).keys if other is not old_key]
+    remaining = [other for other in _make_keyed_take(project, layer).keys if other is not old_key]
     if remaining:
         return _with_keys(project, character_id, number, remaining)
     project = remove_layer(project, character_id, number)
-    if any(layer.take in character.needed()[layer.source] for character in project.characters.values()):
+    if any(
+        layer.take in character.find_needed_ids()[layer.source] for character in project.characters.values()
+    ):
         return project
     takes = getattr(project, layer.source)
     return replace(project, **{layer.source: {key: take for key, take in takes.items() if key != layer.take}})
 
 
-def _changed_key(key: MotionKey, degrees: Three | None, metres: Three | None) -> MotionKey:
+def _change_key(key: MotionKey, degrees: Three | None, metres: Three | None) -> MotionKey:
     """Returns the key with rotation and displacement replaced. None keeps a value."""
     new_degrees: Any = key.degrees if degrees is None else tuple(degrees)
     new_metres: Any = key.metres if metres is None else tuple(metres)
@@ -217,7 +219,7 @@ def _frame_at(second: float) -> int:
     return round(second / KEY_STEP)
 
 
-def _keyed_take(project: Project, layer: LayerBase) -> Clip | PoseStream:
+def _make_keyed_take(project: Project, layer: LayerBase) -> Clip | PoseStream:
     """Returns the take of keys that a layer plays."""
     take: Clip | PoseStream = getattr(project, layer.source)[layer.take]
     return take
@@ -227,7 +229,7 @@ def _find_key(project: Project, character_id: str, handle: Handle, key: int) -> 
     """Returns the number of the layer with a handle's keys, and the key with number ``key``."""
     number = key_layer(project, character_id, handle)
     layer = None if number is None else project.character(character_id).playing[number]
-    keys = () if layer is None else _keyed_take(project, layer).keys
+    keys = () if layer is None else _make_keyed_take(project, layer).keys
     if number is None or not 0 <= key < len(keys):
         remedy = f"The keys are numbered from 0. Number of keys: {len(keys)}."
         location = f"{character_id!r}" if handle is None else f"{handle!r} of {character_id!r}"
@@ -243,8 +245,8 @@ def _second_in_keys(project: Project, layer: LayerBase, time: float) -> float:
         InputError: if the time is before the start of the keys.
     """
     if layer.segments or layer.loop or layer.speed < 0.0:
-        return layer.played(time, project.length_of(layer))[0]
-    second = (layer.to_unwarped_time(time) - layer.offset) * layer.speed
+        return layer.find_played_time(time, project.length_of(layer))[0]
+    second = (layer.convert_to_unwarped_time(time) - layer.offset) * layer.speed
     if _frame_at(second) < 0:
         problem = f"a key cannot be before the start of its clip at {layer.offset:.2f} s"
         raise InputError(
@@ -266,13 +268,13 @@ def _with_root_layer(project: Project, character: RigBase, key: MotionKey) -> Pr
 def _with_keys(project: Project, character_id: str, number: int, keys: Sequence[MotionKey]) -> Project:
     """Replaces the keys of a layer. Other layers that play the same keys keep the old keys."""
     character = project.character(character_id)
-    layer, old = character.playing[number], _keyed_take(project, character.playing[number])
+    layer, old = character.playing[number], _make_keyed_take(project, character.playing[number])
     users = [user_layer for each in project.characters.values() for user_layer in each.playing]
     old_take = sum((user_layer.source, user_layer.take) == (layer.source, layer.take) for user_layer in users)
     name = old.id if old_take < 2 else unused(old.id, getattr(project, layer.source))
     if isinstance(old, PoseStream):
         assert isinstance(layer, GraphLayer)
-        project = project.with_streams(keyed_stream(name, layer.rest, old.follow, keys))
+        project = project.with_streams(make_keyed_stream(name, layer.rest, old.follow, keys))
     else:
         project = project.with_takes(clip_from_keys(name, old.skeleton.names[0], keys))
     if name == old.id:

@@ -58,9 +58,9 @@ def set_layer_key(
     """
     numbers = tuple(layers)
     keys = layer_keys(project, character_id, numbers[0], number)
-    at = time - project.character(character_id).playing[numbers[0]].offset
-    remaining = [key for key in keys if abs(key.second - at) > _SAME_KEY_S]
-    return _with_keys(project, character_id, numbers, number, [*remaining, CurveKey(at, value, ease)])
+    layer_time = time - project.character(character_id).playing[numbers[0]].offset
+    remaining = [key for key in keys if abs(key.second - layer_time) > _SAME_KEY_S]
+    return _with_keys(project, character_id, numbers, number, [*remaining, CurveKey(layer_time, value, ease)])
 
 
 def move_layer_key(

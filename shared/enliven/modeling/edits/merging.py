@@ -70,7 +70,7 @@ def merge_characters(
         for name in (host_id, graft_id):
             project = bake_to_graph(project, name, time, messages)
         kind = GraphCharacter.kind
-    project = RIGS[kind].merged(project, Merge(host_id, graft_id, time, node, at, loose, seam, messages))
+    project = RIGS[kind].merge(project, Merge(host_id, graft_id, time, node, at, loose, seam, messages))
     return restore_root_layers(RIGS[kind], project, host_id, host, time)
 
 
@@ -110,11 +110,14 @@ def _frame_times(project: Project, character: RigBase, time: float) -> tuple[Flo
         and loop_lengths[0] > 0.0
     ):
         player = rig.create_player(project, character)
-        first, last = (player(at).pose.positions for at in (time, time + loop_lengths[0]))
+        first, last = (player(moment).pose.positions for moment in (time, time + loop_lengths[0]))
         if np.abs(first - last).max() < _SAME_POINT_M:
             count = max(round(loop_lengths[0] * rig.frames), 2)
             return np.asarray(time + loop_lengths[0] / count * np.arange(count + 1, dtype=np.float64)), True
     start = min([time, *(layer.offset for layer in audible_layers)])
     end = max([time, project.end_of(character), *([time + _LOOPED_RECORDING_S] if loop_lengths else [])])
-    before, after = np.ceil((time - start) * rig.frames), max(np.ceil((end - time) * rig.frames), 1.0)
-    return np.asarray(time + np.arange(-before, after + 1.0) / rig.frames), False
+    frames_before, frames_after = (
+        np.ceil((time - start) * rig.frames),
+        max(np.ceil((end - time) * rig.frames), 1.0),
+    )
+    return np.asarray(time + np.arange(-frames_before, frames_after + 1.0) / rig.frames), False

@@ -77,7 +77,7 @@ def transfer_performance(
     # is placed at the performer's position.
     settings = replace(settings_from_possession(layer.possession), place="meet")
     possession = replace(layer.possession, settings=json.dumps(asdict(settings)))
-    ends, joints = _known_ends(target, posed)
+    ends, joints = _find_known_ends(target, posed)
     new_project, name = possess_another(
         project,
         mesh,
@@ -98,12 +98,14 @@ def transfer_performance(
     }
     new_shape = new_shape.with_changes(parts=(replace(new_shape.parts[0], **when),))
     if _is_plain(project, target):
-        return new_project.without(name).with_characters(new_shape.with_changes(id=target_id)), target_id
+        return new_project.drop_character(name).with_characters(
+            new_shape.with_changes(id=target_id)
+        ), target_id
     called = unused(f"{target_id} performed", project.characters)
-    return new_project.without(name).with_characters(new_shape.with_changes(id=called)), called
+    return new_project.drop_character(name).with_characters(new_shape.with_changes(id=called)), called
 
 
-def _known_ends(target: RigBase, posed: Float) -> tuple[Float | None, Float | None]:
+def _find_known_ends(target: RigBase, posed: Float) -> tuple[Float | None, Float | None]:
     """Returns the ends and the joints that an artist marked on a mesh, moved to its posed vertices (V, 3).
     Each is an array of points (K, 3) in metres, or None if there are none.
     """
@@ -121,16 +123,16 @@ def _scale_and_place(project: Project, name: str, posed: Float) -> Project:
     """Scales a new mesh to the size of its posed vertices (V, 3), and moves its start to their position."""
     shape = project.graph(name)
     first = project.streams[shape.parts[0].take].linear[0]
-    scaled_project = float(np.cbrt(np.median(np.abs(np.linalg.det(first))))) * _vertical_extent(
+    scaled_project = float(np.cbrt(np.median(np.abs(np.linalg.det(first))))) * _measure_vertical_extent(
         shape.mesh.vertices
     )
-    project = scale_character(project, name, _vertical_extent(posed) / scaled_project)
+    project = scale_character(project, name, _measure_vertical_extent(posed) / scaled_project)
     return move_character(
         project, name, find_base_centre(posed) - find_base_centre(compute_vertices(project, name, 0.0))
     )
 
 
-def _vertical_extent(vertices: Float) -> float:
+def _measure_vertical_extent(vertices: Float) -> float:
     """Returns the vertical extent of vertices (V, 3), in metres."""
     return max(float(np.ptp(vertices[:, 1])), 1e-6)
 

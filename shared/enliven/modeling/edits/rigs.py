@@ -61,7 +61,7 @@ def compute_vertices(project: Project, character_id: str, time: float) -> Float:
         InputError: if the character does not exist, or lacks data that it needs to move.
     """
     character = project.character(character_id)
-    return get_rig_edits(character).seen(project, character, time)
+    return get_rig_edits(character).compute_vertices(project, character, time)
 
 
 def pose_of_character(project: Project, character_id: str, time: float) -> Pose:

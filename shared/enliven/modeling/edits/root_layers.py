@@ -108,8 +108,10 @@ def root_values(
     outer, inner = IDENTITY_MOTION, IDENTITY_MOTION
     for k, other in enumerate(character.root_layers):
         if k != number:
-            done = _layer_motion(project, other, time)[0]
-            outer, inner = (done.after(outer), inner) if k > number else (outer, done.after(inner))
+            other_motion = _layer_motion(project, other, time)[0]
+            outer, inner = (
+                (other_motion.after(outer), inner) if k > number else (outer, other_motion.after(inner))
+            )
     layer = character.root_layers[number]
     weight = _layer_motion(project, layer, time)[1]
     if weight < _MIN_LAYER_WEIGHT:
@@ -132,26 +134,26 @@ def _layer_motion(project: Project, layer: RootLayer, time: float) -> tuple[Rigi
     """Returns the motion of one layer at a time in seconds of the project, and the layer's weight."""
     clip = project.take_of(layer)
     assert isinstance(clip, Clip)
-    at = layer.moment(time, clip.duration)
-    weight = 0.0 if layer.muted else layer.weight * at.weight
+    second = layer.moment(time, clip.duration)
+    weight = 0.0 if layer.muted else layer.weight * second.weight
     if weight == 0.0:
         return IDENTITY_MOTION, 0.0
-    turn, place = _recorded_root(clip, at.second)
-    if at.share > 0.0:
-        turn, place = _interpolate_root((turn, place), _recorded_root(clip, at.other), at.share)
+    turn, place = _find_recorded_root(clip, second.second)
+    if second.share > 0.0:
+        turn, place = _interpolate_root((turn, place), _find_recorded_root(clip, second.other), second.share)
     axes = Axes(layer.basis, layer.mirrored)
     turn = axes.rotations(from_rotation_vector(weight * to_rotation_vector(turn)))
     return about(turn, weight * layer.size * axes.vectors(place), layer.about), weight
 
 
-def _recorded_root(clip: Clip, second: float) -> tuple[Float, Float]:
+def _find_recorded_root(clip: Clip, second: float) -> tuple[Float, Float]:
     """Returns the rotation (4,) and position (3,) in metres of a clip's root at a time of the clip in
     seconds."""
     last = len(clip.turns) - 1
     frame = min(second / clip.step, float(last))
-    before = min(int(frame), max(last - 1, 0))
-    rows = [(clip.turns[k, 0], clip.root[k]) for k in (before, min(before + 1, last))]
-    return _interpolate_root(rows[0], rows[1], frame - before)
+    previous = min(int(frame), max(last - 1, 0))
+    rows = [(clip.turns[k, 0], clip.root[k]) for k in (previous, min(previous + 1, last))]
+    return _interpolate_root(rows[0], rows[1], frame - previous)
 
 
 def _interpolate_root(

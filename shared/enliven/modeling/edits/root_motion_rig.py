@@ -39,13 +39,13 @@ class RootMotionRig(RigEdits):
         """Returns the vertices at rest (V, 3) in metres, which root layers do not change."""
         return self.wrapped.rest(character)
 
-    def drawn(self, character: Any) -> Character:
+    def make_drawing(self, character: Any) -> Character:
         """Returns the mesh and pivots, which root layers do not change."""
-        return self.wrapped.drawn(character)
+        return self.wrapped.make_drawing(character)
 
-    def seen(self, project: Project, character: Any, time: float) -> Float:
+    def compute_vertices(self, project: Project, character: Any, time: float) -> Float:
         """Returns the vertices (V, 3) in metres, moved by the root layers."""
-        return root_motion(project, character, time)(self.wrapped.seen(project, character, time))
+        return root_motion(project, character, time)(self.wrapped.compute_vertices(project, character, time))
 
     def create_player(self, project: Project, character: Any) -> Player:
         """Returns a function from a time to the pose and the handles, both moved by the root layers."""
@@ -65,11 +65,11 @@ class RootMotionRig(RigEdits):
         """Returns the motion of a handle under the given player."""
         return self.wrapped.handle_motion(character, player, handle, layer)
 
-    def surface(self, project: Project, character: Any) -> Callable[[float], Float]:
+    def create_surface_player(self, project: Project, character: Any) -> Callable[[float], Float]:
         """Returns a function from a time in seconds to the vertices (V, 3) in metres, moved by the root
         layers.
         """
-        rig_surface = self.wrapped.surface(project, character)
+        rig_surface = self.wrapped.create_surface_player(project, character)
         return lambda time: root_motion(project, character, time)(rig_surface(time))
 
     def find_missing_data(self, project: Project, character: Any) -> tuple[str, ...]:
@@ -97,9 +97,9 @@ class RootMotionRig(RigEdits):
         """Adds the layer to the wrapped rig. The root layers stay unchanged."""
         return self.wrapped.with_key_layer(project, character, handle, key)
 
-    def moved(self, character: Any, offset: Float, turn: Float, about: Float) -> Any:
+    def move(self, character: Any, offset: Float, turn: Float, about: Float) -> Any:
         """Moves the character, together with the centre and the axes of each root layer."""
-        moved = self.wrapped.moved(character, offset, turn, about)
+        moved = self.wrapped.move(character, offset, turn, about)
         layers = tuple(
             replace(
                 layer,
@@ -110,14 +110,14 @@ class RootMotionRig(RigEdits):
         )
         return moved.with_changes(root_layers=layers)
 
-    def scaled(self, character: Any, factor: float) -> Any:
+    def scale(self, character: Any, factor: float) -> Any:
         """Scales the character and the path of its root layers."""
         centre = self.centre(character)
         layers = tuple(
             replace(layer, about=centre + factor * (layer.about - centre), size=factor * layer.size)
             for layer in character.root_layers
         )
-        return self.wrapped.scaled(character, factor).with_changes(root_layers=layers)
+        return self.wrapped.scale(character, factor).with_changes(root_layers=layers)
 
     def mirror(self, project: Project, character: Any, axes: Axes) -> Any:
         """Mirrors the character and the path of its root layers."""
@@ -151,9 +151,9 @@ class RootMotionRig(RigEdits):
             project = restore_root_layers(self.wrapped, project, part, character, time)
         return project, parts
 
-    def merged(self, project: Project, merge: Merge) -> Project:
+    def merge(self, project: Project, merge: Merge) -> Project:
         """Merges two characters. Their root layers must be baked before."""
-        return self.wrapped.merged(project, merge)
+        return self.wrapped.merge(project, merge)
 
 
 def remove_root_layers(rig_edits: RigEdits, project: Project, name: str, time: float) -> Project:
@@ -163,7 +163,7 @@ def remove_root_layers(rig_edits: RigEdits, project: Project, name: str, time: f
         return project
     turn, move = root_motion(project, character, time)
     bare = character.with_changes(root_layers=())
-    return project.with_characters(rig_edits.moved(bare, move, turn, np.zeros(3)))
+    return project.with_characters(rig_edits.move(bare, move, turn, np.zeros(3)))
 
 
 def restore_root_layers(
@@ -175,7 +175,7 @@ def restore_root_layers(
     if not previous.root_layers:
         return project
     turn, move = root_motion(project, previous, time).inverse
-    moved = rig_edits.moved(character, move, turn, np.zeros(3))
+    moved = rig_edits.move(character, move, turn, np.zeros(3))
     return project.with_characters(moved.with_changes(root_layers=previous.root_layers))
 
 

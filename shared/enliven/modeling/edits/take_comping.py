@@ -1,7 +1,7 @@
 """Alternative takes (take comping): a project keeps several performances of the same motion, and one of them
 plays.
 
-    alternative_takes(project, "take 1")                # {"take 1": False, "take 2": True}: the second plays
+    list_alternative_takes(project, "take 1")      # {"take 1": False, "take 2": True}: the second plays
     choose_take(project, "take 1", "take 1")       # the first plays again, for every character
     drop_take(project, "take 1", "take 2")         # removes its layers and its takes
 
@@ -19,7 +19,7 @@ from enliven.document import GraphPart, LayerBase, PoseStream, Project, RigBase,
 from enliven.errors import InputError
 
 
-def alternative_takes(project: Project, alternatives: str) -> dict[str, bool]:
+def list_alternative_takes(project: Project, alternatives: str) -> dict[str, bool]:
     """Returns the recordings in a group of alternatives, in their order, each with True if it plays."""
     is_playing: dict[str, bool] = {}
     for character in project.characters.values():
@@ -42,7 +42,7 @@ def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
     Raises:
         InputError: if the recording is not in the group.
     """
-    takes = alternative_takes(project, alternatives)
+    takes = list_alternative_takes(project, alternatives)
     if recorded and recorded not in takes:
         remedy = f"Recordings in this group: {', '.join(takes) or 'none'}."
         raise InputError(
@@ -81,7 +81,7 @@ def group_as_take(old_project: Project, project: Project, recorded: str, alterna
         if character is not old_project.characters.get(name)
     ]
     project = project.with_characters(*changed)
-    is_listed = recorded in alternative_takes(project, alternatives)
+    is_listed = recorded in list_alternative_takes(project, alternatives)
     return choose_take(project, alternatives, recorded) if is_listed else project
 
 
@@ -95,7 +95,7 @@ def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
     Raises:
         InputError: if the recording is not in the group.
     """
-    takes = alternative_takes(project, alternatives)
+    takes = list_alternative_takes(project, alternatives)
     if recorded not in takes:
         remedy = f"Recordings in this group: {', '.join(takes) or 'none'}."
         raise InputError(
@@ -103,16 +103,16 @@ def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
             where=f"takes {alternatives!r}",
             remedy=remedy,
         )
-    before = project
+    old_project = project
     for character in list(project.characters.values()):
         if any(_plays_recording(layer, alternatives, recorded) for layer in character.playing):
-            project = _without_recording(project, character, alternatives, recorded)
+            project = _remove_recording(project, character, alternatives, recorded)
     names = list(takes)
     remaining = [name for name in names if name != recorded]
     if takes[recorded] and remaining:
         position = names.index(recorded)
         project = choose_take(project, alternatives, remaining[max(position - 1, 0)])
-    return _without_unneeded_takes(before, project)
+    return _remove_unneeded_takes(old_project, project)
 
 
 def keep_take(project: Project, alternatives: str, recorded: str) -> Project:
@@ -122,7 +122,7 @@ def keep_take(project: Project, alternatives: str, recorded: str) -> Project:
         InputError: if the recording is not in the group.
     """
     project = choose_take(project, alternatives, recorded)
-    for name in alternative_takes(project, alternatives):
+    for name in list_alternative_takes(project, alternatives):
         if name != recorded:
             project = drop_take(project, alternatives, name)
     return choose_take(project, alternatives, recorded)
@@ -132,14 +132,14 @@ def _plays_recording(layer: LayerBase, alternatives: str, recorded: str) -> bool
     return layer.alternatives == alternatives and layer.recorded == recorded
 
 
-def _without_recording(project: Project, character: RigBase, alternatives: str, recorded: str) -> Project:
+def _remove_recording(project: Project, character: RigBase, alternatives: str, recorded: str) -> Project:
     """Removes the layers of a recording from a character."""
     for number in reversed(range(len(character.playing))):
         layer = character.playing[number]
         if not _plays_recording(layer, alternatives, recorded):
             continue
         if isinstance(layer, GraphPart):
-            held_part, stream = _held_first_frame(project, layer)
+            held_part, stream = _hold_first_frame(project, layer)
             character = character.with_playing(
                 *character.playing[:number], held_part, *character.playing[number + 1 :]
             )
@@ -149,7 +149,7 @@ def _without_recording(project: Project, character: RigBase, alternatives: str, 
     return project.with_characters(character)
 
 
-def _held_first_frame(project: Project, part: GraphPart) -> tuple[GraphPart, PoseStream]:
+def _hold_first_frame(project: Project, part: GraphPart) -> tuple[GraphPart, PoseStream]:
     """Returns a part that keeps the pose of its stream's first frame, and a stream with only that frame."""
     stream = project.streams[part.take]
     name = unused(f"{part.take} still", project.streams)
@@ -158,12 +158,14 @@ def _held_first_frame(project: Project, part: GraphPart) -> tuple[GraphPart, Pos
     return replace(part.with_default_timing(), take=name, **changes), first  # type: ignore[arg-type]
 
 
-def _without_unneeded_takes(old_project: Project, project: Project) -> Project:
+def _remove_unneeded_takes(old_project: Project, project: Project) -> Project:
     """Removes takes that a character of ``old_project`` needed, and that no character of ``project``
     needs."""
 
     def needed(a_project: Project, kind: str) -> set[str]:
-        return set().union(*(character.needed()[kind] for character in a_project.characters.values()))
+        return set().union(
+            *(character.find_needed_ids()[kind] for character in a_project.characters.values())
+        )
 
     changes: dict[str, Any] = {}
     for kind in ("takes", "streams", "bodies"):

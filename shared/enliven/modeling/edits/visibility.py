@@ -92,12 +92,12 @@ def rename_take(project: Project, name: str, new_name: str) -> Project:
         key: character.with_takes_named(
             {
                 (collection, number): (new_name if (collection, number) == ("takes", name) else number)
-                for collection, ids in character.needed().items()
+                for collection, ids in character.find_needed_ids().items()
                 for number in ids
             }
         )
         for key, character in project.characters.items()
-        if name in character.needed()["takes"]
+        if name in character.find_needed_ids()["takes"]
     }
     return replace(project, takes=takes, characters={**project.characters, **users})
 
@@ -108,7 +108,11 @@ def delete_take(project: Project, name: str) -> Project:
     Raises:
         InputError: if the take does not exist, or a character plays it.
     """
-    users = [character.id for character in project.characters.values() if name in character.needed()["takes"]]
+    users = [
+        character.id
+        for character in project.characters.values()
+        if name in character.find_needed_ids()["takes"]
+    ]
     if name not in project.takes or users:
         problem = f"the character {users[0]} plays this take" if users else "this take does not exist"
         remedy = "Remove the character's clips of this take from the timeline first." if users else ""

@@ -107,8 +107,8 @@ class Side:
         self.old = np.full(len(properties), -1, np.int64)
         self.old[self.used[same]] = nearest[same]
         corners = self.old[self.triangles]
-        own = solid.mesh.faces[self.source] if len(self.source) else corners
-        turned = np.stack([np.roll(own, k, 1) for k in range(3)], 1)
+        source_faces = solid.mesh.faces[self.source] if len(self.source) else corners
+        turned = np.stack([np.roll(source_faces, k, 1) for k in range(3)], 1)
         self.whole = np.asarray((turned == corners[:, None]).all(2).any(1))
         self.lost = len(np.unique(self.source)) < len(solid.mesh.faces)
         self.new = bool((~self.whole).any())
@@ -145,7 +145,7 @@ class UnionBuilder:
         # Collect the faces: first the uncut faces of both meshes, then the split faces, then the leaves (open
         # sheets).
         faces = np.concatenate(
-            [*(self._kept_faces(side, number) for side in self.sides)]
+            [*(self._find_kept_faces(side, number) for side in self.sides)]
             + [number[side.triangles[~side.whole]] for side in self.sides]
             + [
                 start + np.searchsorted(old, side.solid.leaves.faces)
@@ -160,7 +160,7 @@ class UnionBuilder:
         # values.
         weights, paint = self._interpolate_new(new)
         whole = skins.bone_count(skins.concatenate_skins(self.pair.skins))
-        old_skins = [self._kept_skin(k, kept_vertices[k], whole) for k in range(2)]
+        old_skins = [self._make_kept_skin(k, kept_vertices[k], whole) for k in range(2)]
         skin = skins.concatenate_skins([*old_skins, skins.keep_largest_weights(weights)])
         paint = np.concatenate(
             [*(m.paint[k] for m, k in zip(self.meshes, kept_vertices, strict=True)), paint]
@@ -193,24 +193,27 @@ class UnionBuilder:
         start = sum(count for _, count in groups)
         for side, mesh in zip(self.sides, self.meshes, strict=True):
             source = side.source[~side.whole]
-            own = corners[start : start + len(source)]
+            source_corners = corners[start : start + len(source)]
             groups.append(
-                (materials_within(mesh.materials, mesh.vertices[mesh.faces], own, source), len(source))
+                (
+                    materials_within(mesh.materials, mesh.vertices[mesh.faces], source_corners, source),
+                    len(source),
+                )
             )
             start += len(source)
         groups += [(side.solid.leaves.materials, len(side.solid.leaves.faces)) for side in self.sides]
         return join_materials(groups)
 
-    def _kept_faces(self, side: Side, number: Int) -> Int:
+    def _find_kept_faces(self, side: Side, number: Int) -> Int:
         """Returns the uncut faces (K, 3) of one side in their old order. ``number`` gives the new number of
         each vertex."""
         order = np.sort(side.source[side.whole])
-        at = np.full(len(side.solid.mesh.vertices), -1, np.int64)
+        new_numbers = np.full(len(side.solid.mesh.vertices), -1, np.int64)
         traced = np.flatnonzero(side.old >= 0)
-        at[side.old[traced]] = number[traced]
-        return np.asarray(at[side.solid.mesh.faces[order]])
+        new_numbers[side.old[traced]] = number[traced]
+        return np.asarray(new_numbers[side.solid.mesh.faces[order]])
 
-    def _kept_skin(self, k: int, kept_vertices: Int | Int32, bones: int) -> SkinWeights:
+    def _make_kept_skin(self, k: int, kept_vertices: Int | Int32, bones: int) -> SkinWeights:
         """Returns the skin of the kept vertices. Vertices that close a hole get the interpolated skin of its
         border.
         """
@@ -218,7 +221,7 @@ class UnionBuilder:
         given_count = len(self.pair.meshes[k].vertices)
         if len(mesh.vertices) == given_count:
             return skins.select_vertices(skin, kept_vertices)
-        full = skins.dense_weights(skin, bones)
+        full = skins.make_dense_weights(skin, bones)
         for of, how in self.sides[k].solid.closing:
             full = np.concatenate([full, how(full[of])])
         old = skins.select_vertices(skin, kept_vertices[kept_vertices < given_count])
@@ -239,12 +242,14 @@ class UnionBuilder:
             face, corner = np.nonzero(row[side.triangles] >= 0)
             vertex = side.triangles[face, corner]
             vertex, first = np.unique(vertex, return_index=True)
-            own = mesh.faces[side.source[face[first]]]
-            coordinates = barycentric(self.places[vertex], mesh.vertices[own])
-            corners, inverse = np.unique(own, return_inverse=True)
-            full = skins.dense_weights(self._kept_skin(k, corners, bones), bones)[inverse.reshape(-1, 3)]
+            source_faces = mesh.faces[side.source[face[first]]]
+            coordinates = barycentric(self.places[vertex], mesh.vertices[source_faces])
+            corners, inverse = np.unique(source_faces, return_inverse=True)
+            full = skins.make_dense_weights(self._make_kept_skin(k, corners, bones), bones)[
+                inverse.reshape(-1, 3)
+            ]
             weights[row[vertex]] = (coordinates[..., None] * full).sum(1)
-            paint[row[vertex]] = (coordinates[..., None] * own_paint[own]).sum(1)
+            paint[row[vertex]] = (coordinates[..., None] * own_paint[source_faces]).sum(1)
         return weights, paint
 
     def _average_seam_skin(
@@ -264,7 +269,7 @@ class UnionBuilder:
         rows = np.flatnonzero(seam)
         bones = skins.bone_count(skin)
         full, counts = np.zeros((count, bones)), np.zeros(count)
-        np.add.at(full, first[rows], skins.dense_weights(skins.select_vertices(skin, rows), bones))
+        np.add.at(full, first[rows], skins.make_dense_weights(skins.select_vertices(skin, rows), bones))
         np.add.at(counts, first[rows], 1.0)
         mean = skins.keep_largest_weights(full[first[rows]] / counts[first[rows], None])
         indices, weights = skin.indices.copy(), skin.weights.copy()

@@ -63,7 +63,7 @@ def close_surface(mesh: Mesh, of: Int) -> ClosedSurface:
         of: (V,) the welded vertex of each vertex.
     """
     welded_faces = of[mesh.faces]
-    mates = _opposite_half_edges(welded_faces, mesh)
+    mates = _find_opposite_half_edges(welded_faces, mesh)
     corner = _corner_fans(mates).reshape(-1, 3)
     work, leaf = _SurfaceInProgress(mesh, corner), np.zeros(len(welded_faces), bool)
     loops = _border_loops(mates, corner)
@@ -90,7 +90,7 @@ def _face_adjacency(mates: Int, count: int) -> coo_matrix:
     return coo_matrix((np.ones(len(joined)), (joined // 3, mates[joined])), (count, count))
 
 
-def _opposite_half_edges(faces: Int, mesh: Mesh) -> Int:
+def _find_opposite_half_edges(faces: Int, mesh: Mesh) -> Int:
     """Returns the opposite half-edge of each half-edge, (3F,): 3 face + corner, or -1 at a border."""
     starts, ends = faces.ravel().astype(np.int64), np.roll(faces, -1, 1).ravel().astype(np.int64)
     count = int(faces.max(initial=-1)) + 1
@@ -149,11 +149,11 @@ def _border_loops(mates: Int, corner: Int) -> list[Int]:
     into = dict(zip(flat[after].tolist(), border_edges.tolist(), strict=True))
     loops, remaining = list[Int](), set(border_edges.tolist())
     for start in border_edges.tolist():
-        loop, at = list[int](), start
-        while at in remaining:
-            remaining.remove(at)
-            loop.append(at)
-            at = into[int(flat[at])]
+        loop, vertex = list[int](), start
+        while vertex in remaining:
+            remaining.remove(vertex)
+            loop.append(vertex)
+            vertex = into[int(flat[vertex])]
         if loop:
             loops.append(np.array(loop))
     return loops

@@ -35,7 +35,7 @@ def remove_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int
     # Also include the neighbours of these faces, because a contraction checks the neighbours of both ends.
     around = np.isin(faces, np.unique(near)).any(1)
     patch = _Patch(vertices.copy(), faces[around].astype(np.int64), new)
-    patch.contract(_MIN_EDGE_RATIO * _nearby_edge_length(vertices, faces[around], new))
+    patch.contract(_MIN_EDGE_RATIO * _measure_nearby_edge_length(vertices, faces[around], new))
     mine = np.flatnonzero(touching[around])
     remaining = [face for face in (patch.faces[number] for number in mine) if face is not None]
     inner = flip_within(patch.vertices, np.array(remaining, np.int64).reshape(-1, 3), new)
@@ -47,7 +47,7 @@ def remove_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int
     return patch.vertices, all_faces, is_kept, drawn
 
 
-def _nearby_edge_length(vertices: Float, faces: Int32, new: Bool) -> float:
+def _measure_nearby_edge_length(vertices: Float, faces: Int32, new: Bool) -> float:
     """Returns the median length in metres of edges between old vertices near the new vertices."""
     ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     ends = ends[~new[ends].any(1)]
@@ -105,12 +105,12 @@ class _Patch:
         moved = (self.of[a] | self.of[b]) - both
         if not moved:
             return False
-        before = np.array([self.vertices[self.faces[f]] for f in moved])
+        old_corners = np.array([self.vertices[self.faces[f]] for f in moved])
         after = np.array(
             [[place if v in (a, b) else self.vertices[v] for v in self.faces[f] or ()] for f in moved]
         )
         normals_before, normals_after = (
-            np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (before, after)
+            np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (old_corners, after)
         )
         sizes = np.linalg.norm(normals_before, axis=1) * np.linalg.norm(normals_after, axis=1)
         return bool(

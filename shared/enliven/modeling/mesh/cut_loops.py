@@ -75,22 +75,22 @@ def order_chains(pairs: Int) -> list[tuple[Int, bool]]:
 def _follow_chain(start: int, pairs: Int, beside: dict[int, list[int]], unused: Bool) -> tuple[Int, bool]:
     """Follows one chain from the edge ``start`` until it ends or returns to the start. Returns the edges (C,)
     of the chain, and True if it is closed."""
-    chain, forward, at = [start], 0, start
+    chain, forward, vertex = [start], 0, start
     while True:
-        free_links = [k for k in beside[at] if unused[k]]
+        free_links = [k for k in beside[vertex] if unused[k]]
         # If several unused links touch this edge, prefer a link that starts at it, because this link has the
         # direction of the chain.
-        k = next((k for k in free_links if pairs[k, 0] == at), free_links[0] if free_links else -1)
+        k = next((k for k in free_links if pairs[k, 0] == vertex), free_links[0] if free_links else -1)
         if k < 0:
             break
         unused[k] = False
-        next_edge = pairs[k, 0] == at
+        next_edge = pairs[k, 0] == vertex
         forward += 1 if next_edge else -1
-        at = int(pairs[k, 1] if next_edge else pairs[k, 0])
-        if at == start:
+        vertex = int(pairs[k, 1] if next_edge else pairs[k, 0])
+        if vertex == start:
             order = np.array(chain)
             return (order if forward >= 0 else order[::-1]), True
-        chain.append(at)
+        chain.append(vertex)
     order = np.array(chain)
     return (order if forward >= 0 else order[::-1]), False
 

@@ -109,10 +109,10 @@ class _PieceBuilder:
             (N,) its crossed edge.
         """
         work = self.work
-        own = self.mesh.faces[self.split].astype(np.int64)
-        side = work.far[work.of[own]]
+        split_faces = self.mesh.faces[self.split].astype(np.int64)
+        side = work.far[work.of[split_faces]]
         single_corner = np.where(side.sum(1) == 1, np.argmax(side, 1), np.argmin(side, 1))
-        corner = np.take_along_axis(own, (single_corner[:, None] + np.arange(3)) % 3, 1)
+        corner = np.take_along_axis(split_faces, (single_corner[:, None] + np.arange(3)) % 3, 1)
         lonely_far = np.take_along_axis(side, single_corner[:, None], 1)[:, 0]
         pairs = np.where(lonely_far[:, None], self.pairs, self.pairs[:, ::-1])
         # Create one new vertex for each different pair of old vertices. A flat-shaded mesh gets a new vertex
@@ -123,11 +123,11 @@ class _PieceBuilder:
         ends = np.where(turned[:, None], ends[:, ::-1], ends)
         unique, first, number = np.unique(ends, axis=0, return_index=True, return_inverse=True)
         new = len(self.kept) + number.reshape(-1, 2)
-        alone = lonely_far == self.is_far_side
+        is_lonely = lonely_far == self.is_far_side
         a, b, c = self.number[corner].T
-        tips = np.stack([a, new[:, 0], new[:, 1]], 1)[alone]
-        quad = np.stack([new[:, 0], b, c, new[:, 1]], 1)[~alone]
-        of = np.concatenate([self.split[alone], *[self.split[~alone]] * 2])
+        tips = np.stack([a, new[:, 0], new[:, 1]], 1)[is_lonely]
+        quad = np.stack([new[:, 0], b, c, new[:, 1]], 1)[~is_lonely]
+        of = np.concatenate([self.split[is_lonely], *[self.split[~is_lonely]] * 2])
         return np.concatenate([tips, quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]]), of, unique, crossed[first]
 
     def _attributes(
@@ -158,11 +158,11 @@ class _PieceBuilder:
         if work.skin is None:
             return vertices, paint, None
         old = np.unique(sources)
-        few = np.searchsorted(old, sources)
-        full = skins.dense_weights(skins.select_vertices(work.skin, old), skins.bone_count(work.skin))
+        indices = np.searchsorted(old, sources)
+        full = skins.make_dense_weights(skins.select_vertices(work.skin, old), skins.bone_count(work.skin))
         used_bones = np.flatnonzero(full.any(0))
         full = full[:, used_bones]
-        rim_skin = full[few[:, 0]] * (1 - edge_fraction) + full[few[:, 1]] * edge_fraction
+        rim_skin = full[indices[:, 0]] * (1 - edge_fraction) + full[indices[:, 1]] * edge_fraction
         new_skin = skins.keep_largest_weights(grown(np.zeros((0, 0)), rim_skin))
         new_skin = SkinWeights(used_bones[new_skin.indices].astype(np.uint16), new_skin.weights)
         return (

@@ -71,10 +71,10 @@ class CutPlan:
             raise InputError(
                 "a mesh without faces cannot be cut", where=self.mesh.name, remedy="Choose a mesh with faces."
             )
-        at = self.mesh.vertices if self.posed is None else np.asarray(self.posed, np.float64)
-        if at.shape != self.mesh.vertices.shape or not np.isfinite(at).all():
+        posed_vertices = self.mesh.vertices if self.posed is None else np.asarray(self.posed, np.float64)
+        if posed_vertices.shape != self.mesh.vertices.shape or not np.isfinite(posed_vertices).all():
             raise InputError(
-                f"the posed vertex positions have the wrong shape {at.shape} or are not finite",
+                f"the posed vertex positions have the wrong shape {posed_vertices.shape} or are not finite",
                 where=self.mesh.name,
                 remedy="Repair the mesh.",
             )
@@ -82,13 +82,17 @@ class CutPlan:
         self.faces = welded.faces.astype(np.int64)
         first = np.zeros(len(welded.vertices), np.int64)
         first[self.of[::-1]] = np.arange(len(self.of))[::-1]
-        self.first, self.rest, self.at = first, welded.vertices, at[first]
-        self.field = self.surface.field(self.at) if self.values is None else self._without_islands()
+        self.first, self.rest, self.at = first, welded.vertices, posed_vertices[first]
+        self.field = (
+            self.surface.compute_distances(self.at) if self.values is None else self._remove_islands()
+        )
         self.shift = self._offset_off_vertices()
         self.far = self.field > self.shift
         self.found: Crossings = find_crossings(self.faces, self.far)
-        self.share = self._crossing_positions(self.found.edges)
-        self.places = self.surface.flat(self.interpolate_on_edges(self.at, self.found.edges, self.share))
+        self.share = self._find_crossing_positions(self.found.edges)
+        self.places = self.surface.compute_coordinates(
+            self.interpolate_on_edges(self.at, self.found.edges, self.share)
+        )
         self.count = int(self.found.loops.max(initial=-1)) + 1
         self.chosen = np.zeros(0, np.int64)
 
@@ -97,10 +101,10 @@ class CutPlan:
         the widest gap between field values near 0."""
         ends = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         low, high = self.field[ends].min(1), self.field[ends].max(1)
-        met = (low <= 0) & (high >= 0)
-        if not met.any():
+        is_cut = (low <= 0) & (high >= 0)
+        if not is_cut.any():
             return 0.0
-        window = _MAX_SLIDE_EDGES * float(np.median((high - low)[met]))
+        window = _MAX_SLIDE_EDGES * float(np.median((high - low)[is_cut]))
         near = self.field[np.abs(self.field) < window]
         stops = np.concatenate([[-window], np.sort(near), [window]])
         wide = np.diff(stops)
@@ -109,7 +113,7 @@ class CutPlan:
         best = int(np.argmax(wide))
         return float((stops[best] + stops[best + 1]) / 2)
 
-    def _without_islands(self) -> Float:
+    def _remove_islands(self) -> Float:
         """Returns the field values (W,). The sign is changed at small islands of vertices, so that they are
         not cut out."""
         assert self.values is not None
@@ -132,7 +136,7 @@ class CutPlan:
         3)."""
         return np.asarray(at[edges[:, 0]] + fractions[:, None] * (at[edges[:, 1]] - at[edges[:, 0]]))
 
-    def _crossing_positions(self, edges: Int) -> Float:
+    def _find_crossing_positions(self, edges: Int) -> Float:
         """Returns the position (E,) of the cut along each crossed edge, as a fraction. It is found by
         bisection, since the field may be nonlinear.
         """
@@ -144,12 +148,14 @@ class CutPlan:
             return np.clip(guess, 1e-6, 1 - 1e-6)
         for _ in range(40):
             middle = (low + high) / 2
-            value = self.surface.field(self.interpolate_on_edges(self.at, edges, middle)) - self.shift
+            value = (
+                self.surface.compute_distances(self.interpolate_on_edges(self.at, edges, middle)) - self.shift
+            )
             same = (value > 0) == (start > 0)
             low, high = np.where(same, middle, low), np.where(same, high, middle)
         return np.clip((low + high) / 2, 1e-6, 1 - 1e-6)
 
-    def _longest_chain(self, loop: int) -> Float:
+    def _find_longest_chain(self, loop: int) -> Float:
         """Returns the longest chain of a loop as (P, 2) coordinates on the cutting surface."""
         chains = order_chains(self.found.pairs[self.found.loops == loop])
         return self.places[max(chains, key=lambda chain: len(chain[0]))[0]]
@@ -161,10 +167,10 @@ class CutPlan:
             bone_weights: (V,) skin weight of the cut bone at each vertex.
         """
         self.point = point
-        polygons = [self._longest_chain(loop) for loop in range(self.count)]
+        polygons = [self._find_longest_chain(loop) for loop in range(self.count)]
         around = [i for i, polygon in enumerate(polygons) if abs(winding_number(polygon, point)) > 0.5]
         if not around:
-            around = self._neighbouring_loop(point, bone_weights, polygons)
+            around = self._find_neighbouring_loop(point, bone_weights, polygons)
             note = (
                 "the bone is outside of the mesh at the cut, so the nearest part that follows the "
                 "bone was cut"
@@ -183,7 +189,7 @@ class CutPlan:
         ]
         self.chosen = np.array(sorted({*around, *inside}), np.int64)
 
-    def _neighbouring_loop(self, point: Float, bone_weights: Float, polygons: list[Float]) -> list[int]:
+    def _find_neighbouring_loop(self, point: Float, bone_weights: Float, polygons: list[Float]) -> list[int]:
         """Returns the nearest loop that follows the bone, if the loop's distance is below its radius."""
         of_bone = np.zeros(len(self.rest))
         np.maximum.at(of_bone, self.of, bone_weights)
@@ -304,12 +310,12 @@ class CutPlan:
             if len(loops) < len(chains) and left_open and note not in self.notes:
                 self.notes.append(note)
             if self.values is not None:
-                caps += [self._own_cap(loop) for loop in loops]
+                caps += [self._make_own_cap(loop) for loop in loops]
             elif loops:
                 caps.append(triangulate_cap(loops, self.places, self.settings.fine))
         return caps
 
-    def _own_cap(self, loop: Int) -> Cap:
+    def _make_own_cap(self, loop: Int) -> Cap:
         """Returns a cap for a loop, triangulated in the best-fitting plane of the loop."""
         points = self.interpolate_on_edges(self.at, self.found.edges[loop], self.share[loop])
         cap = triangulate_cap([np.arange(len(loop))], flatten_loop(points), self.settings.fine)

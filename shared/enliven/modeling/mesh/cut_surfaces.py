@@ -18,12 +18,12 @@ from enliven.errors import InputError
 class CutSurface(Protocol):
     """The protocol of a surface that cuts a mesh."""
 
-    def field(self, points: Float) -> Float:
+    def compute_distances(self, points: Float) -> Float:
         """Returns (N,) signed distances of points (N, 3): positive on the far side, negative on the near
         side."""
         ...
 
-    def flat(self, points: Float) -> Float:
+    def compute_coordinates(self, points: Float) -> Float:
         """Returns (N, 2) coordinates on the surface, approximately in metres."""
         ...
 
@@ -58,17 +58,17 @@ class PlaneCut(CutSurface):
         object.__setattr__(self, "point", np.array(self.point, np.float64))
         object.__setattr__(self, "normal", normal / length)
 
-    def field(self, points: Float) -> Float:
+    def compute_distances(self, points: Float) -> Float:
         return np.asarray((points - self.point) @ self.normal)
 
-    def flat(self, points: Float) -> Float:
+    def compute_coordinates(self, points: Float) -> Float:
         across = np.cross(self.normal, np.eye(3)[np.argmin(np.abs(self.normal))])
         across /= np.linalg.norm(across)
         axes = np.stack([across, np.cross(self.normal, across)])
         return np.asarray((points - self.point) @ axes.T)
 
     def covers(self, points: Float) -> Bool:
-        return np.asarray(np.linalg.norm(self.flat(points), axis=1) <= self.reach)
+        return np.asarray(np.linalg.norm(self.compute_coordinates(points), axis=1) <= self.reach)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,10 +104,10 @@ class StrokeCut(CutSurface):
         object.__setattr__(self, "stroke", stroke)
         object.__setattr__(self, "picture_from_world", np.array(self.picture_from_world, np.float64))
 
-    def field(self, points: Float) -> Float:
+    def compute_distances(self, points: Float) -> Float:
         return self._stroke_coordinates(points)[1]
 
-    def flat(self, points: Float) -> Float:
+    def compute_coordinates(self, points: Float) -> Float:
         if len(points) == 0:
             return np.zeros((0, 2))
         along, _, depth = self._stroke_coordinates(points)
@@ -128,7 +128,7 @@ class StrokeCut(CutSurface):
         projected = points @ self.picture_from_world[:, :3].T + self.picture_from_world[:, 3]
         depth = projected[:, 3]
         shown = projected[:, :2] / np.where(depth > 1e-9, depth, 1e-9)[:, None]
-        along, left = _nearest_on_stroke(self.stroke, shown)
+        along, left = _find_nearest_on_stroke(self.stroke, shown)
         return along, left, depth
 
 
@@ -137,7 +137,7 @@ def _arc_lengths(stroke: Float) -> Float:
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stroke, axis=0), axis=1))])
 
 
-def _nearest_on_stroke(stroke: Float, points: Float) -> tuple[Float, Float]:
+def _find_nearest_on_stroke(stroke: Float, points: Float) -> tuple[Float, Float]:
     """Returns (N,) arc length of the nearest point on the extended stroke, and (N,) the distance to its
     left."""
     starts, vectors = stroke[:-1], np.diff(stroke, axis=0)

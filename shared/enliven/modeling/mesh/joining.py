@@ -71,7 +71,7 @@ def join_surfaces(
     mesh, skin = union.mesh, union.skin
     if union.seam.any():
         mesh, skin = heal(mesh, skin, union.seam)
-    rest = _kept_rest(union, first, second)
+    rest = _find_kept_rest(union, first, second)
     is_seam = union.seam | ((union.first < 0) & (union.second < 0))
     is_seam |= (mesh.vertices != union.mesh.vertices).any(1)
     is_seam |= (skin.indices != union.skin.indices).any(1) | (skin.weights != union.skin.weights).any(1)
@@ -95,7 +95,7 @@ def unpose_vertices(seen: Float, skin: SkinWeights, maps: Float) -> Float:
     return np.asarray(np.linalg.solve(blend[:, :, :3], (seen - blend[:, :, 3])[..., None])[..., 0])
 
 
-def _kept_rest(union: Union, first: SkinnedSurface, second: SkinnedSurface) -> Float:
+def _find_kept_rest(union: Union, first: SkinnedSurface, second: SkinnedSurface) -> Float:
     """Returns (V, 3) rest positions of vertices from either mesh. New vertices keep their posed positions."""
     rest = union.mesh.vertices.copy()
     first_kept, second_kept = union.first >= 0, (union.second >= 0) & (union.first < 0)

@@ -80,12 +80,12 @@ def cut_across_bone(
     start = skeleton.positions[skeleton.parents[bone]]
     surface = PlaneCut(start + u * skeleton.vectors[bone], skeleton.vectors[bone])
     beyond = np.zeros(max(skins.bone_count(skin), len(skeleton)))
-    beyond[list(skeleton.below(bone))] = 1.0
+    beyond[list(skeleton.list_subtree(bone))] = 1.0
     beyond[bone] = 0.5
     loyal = (beyond[skin.indices] * skin.weights).sum(1)
     bone_weight = np.where(skin.indices == bone, skin.weights, 0.0).sum(1, dtype=np.float64)
     work = CutPlan(mesh, skin, surface, None, settings, loyal)
-    work.choose_around(surface.flat(surface.point[None])[0], bone_weight, location)
+    work.choose_around(surface.compute_coordinates(surface.point[None])[0], bone_weight, location)
     cut = _build_pieces(work)
     beyond[bone] = 0.0
     ahead = (beyond[skin.indices] * skin.weights).sum(1)
@@ -94,7 +94,7 @@ def cut_across_bone(
         return cut
     # This plane does not separate the vertices of the bones on its two sides well. For example, a plane
     # across the bone to a hip would cut the body in half. So try a cut that follows the skin weights.
-    along = np.clip(work.surface.field(mesh.vertices) / skeleton.lengths[bone], -1, 1)
+    along = np.clip(work.surface.compute_distances(mesh.vertices) / skeleton.lengths[bone], -1, 1)
     other = CutPlan(mesh, skin, surface, None, settings, loyal, ahead - behind + bone_weight * along)
     other.choose_all()
     by_skin = _build_pieces(other) if other.count else cut

@@ -62,10 +62,10 @@ def unite_meshes(
         )
     notes = tuple(f"{s.mesh.name!r}: {note}" for s in (first_solid, second_solid) for note in s.notes)
     union = pair.build_union((first_solid, second_solid), both.to_mesh64(), notes)
-    return _without_slivers(union) if tidy and union.fused else union
+    return _remove_slivers(union) if tidy and union.fused else union
 
 
-def _without_slivers(union: Union) -> Union:
+def _remove_slivers(union: Union) -> Union:
     """Removes slivers at the new vertices of a union, where the seam has a crease."""
     new = find_creases(union.mesh, union.seam) & (union.first < 0) & (union.second < 0)
     # If positions occur twice, as in a flat-shaded mesh, moving only one of two equal vertices would open a
@@ -99,11 +99,13 @@ def _materials_after(mesh: Mesh, new: Bool, corners: Float) -> MeshMaterials | N
     if mesh.materials is None:
         return None
     touching = np.asarray(new[mesh.faces].any(1))
-    before, still = np.flatnonzero(touching), np.flatnonzero(~touching)
+    changed_faces, unchanged_faces = np.flatnonzero(touching), np.flatnonzero(~touching)
     old = mesh.vertices[mesh.faces]
-    after = corners[len(still) :]
+    after = corners[len(unchanged_faces) :]
     if not len(after):
-        return mesh.materials.select_faces(still)
-    nearest = scipy.spatial.cKDTree(old[before].mean(1)).query(after.mean(1))[1]
-    inner = materials_within(mesh.materials, old, after, before[nearest])
-    return join_materials([(mesh.materials.select_faces(still), len(still)), (inner, len(after))])
+        return mesh.materials.select_faces(unchanged_faces)
+    nearest = scipy.spatial.cKDTree(old[changed_faces].mean(1)).query(after.mean(1))[1]
+    inner = materials_within(mesh.materials, old, after, changed_faces[nearest])
+    return join_materials(
+        [(mesh.materials.select_faces(unchanged_faces), len(unchanged_faces)), (inner, len(after))]
+    )

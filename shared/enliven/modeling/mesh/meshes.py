@@ -15,7 +15,7 @@ from enliven.modeling.mesh.cut_pieces import Piece
 from enliven.modeling.skinning.skins import renumber_bones
 
 
-def posed_vertices(shape: RiggedCharacter, linear: Float, joints: Float) -> Float:
+def compute_posed_vertices(shape: RiggedCharacter, linear: Float, joints: Float) -> Float:
     """Returns the vertices (V, 3) in metres for the bones' maps L (N, 3, 3) and the joints x (N, 3): v' =
     sum_j w_j (L_j (v - rest_parent) + x_parent).
     """
@@ -47,7 +47,7 @@ def with_piece(shape: RiggedCharacter, piece: Piece, numbers: Int) -> RiggedChar
     return shape.with_changes(mesh=piece.mesh, skin=renumber_bones(piece.skin, numbers))
 
 
-def matching_bone_numbers(old_shape: RiggedCharacter, shape: RiggedCharacter, otherwise: str) -> Int:
+def match_bone_numbers(old_shape: RiggedCharacter, shape: RiggedCharacter, otherwise: str) -> Int:
     """Returns for each bone of ``old_shape`` the number of the bone of ``shape`` with the same name, (N,).
 
     If no bone has this name, the result is the number of the bone called ``otherwise``.

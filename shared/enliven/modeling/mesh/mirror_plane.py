@@ -83,13 +83,13 @@ def plane_of_symmetry(mesh: Mesh) -> Plane | None:
     )
     second = [
         _refine_plane(second_cloud, candidate.normal, 8, candidate.offset)
-        for candidate in _distinct_planes(first)
+        for candidate in _find_distinct_planes(first)
     ]
-    likely = [candidate for candidate in second if candidate.gap <= 1.5 * TOLERANCE]
-    likely.sort(
-        key=lambda one: (abs(one.normal[1]) >= _MAX_HORIZONTAL_SINE, -_rounded_extent(points, one), one.gap)
+    likely_planes = [candidate for candidate in second if candidate.gap <= 1.5 * TOLERANCE]
+    likely_planes.sort(
+        key=lambda one: (abs(one.normal[1]) >= _MAX_HORIZONTAL_SINE, -_round_extent(points, one), one.gap)
     )
-    last = (_refine_plane(last_cloud, candidate.normal, 4, candidate.offset) for candidate in likely)
+    last = (_refine_plane(last_cloud, candidate.normal, 4, candidate.offset) for candidate in likely_planes)
     best = next((candidate for candidate in last if candidate.gap <= TOLERANCE), None)
     if best is None:
         return None
@@ -121,7 +121,7 @@ def _refine_plane(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0)
     """Moves a plane towards the nearest symmetry plane by ``steps`` pairing steps."""
     points = cloud.points
     for _ in range(steps):
-        pairs = cloud.points[_nearest_mirrored(cloud, normal, offset)]
+        pairs = cloud.points[_find_nearest_mirrored(cloud, normal, offset)]
         middles, differences = (points + pairs) / 2, pairs - points
         # Use only the best 80 % of the pairs, so that parts without a counterpart, such as a raised hand, are
         # ignored.
@@ -133,7 +133,7 @@ def _refine_plane(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0)
         # plane.
         normal = np.linalg.eigh(about.T @ about - differences[good].T @ differences[good] / 4)[1][:, 0]
         offset = float(normal @ centre)
-    nearest = _nearest_mirrored(cloud, normal, offset)
+    nearest = _find_nearest_mirrored(cloud, normal, offset)
     image = _mirror_points(points, normal, offset)
     gaps = image - points[nearest]
     # Measure the distance to the surface, not to its samples. So ignore tangential offsets that are smaller
@@ -144,7 +144,7 @@ def _refine_plane(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0)
     return _MirrorFit(float(np.maximum(through, distances - spacing).mean()), normal, offset)
 
 
-def _nearest_mirrored(cloud: _Cloud, normal: Float, offset: float) -> Float:
+def _find_nearest_mirrored(cloud: _Cloud, normal: Float, offset: float) -> Float:
     """Returns the index (N,) of the nearest point with a similar normal for the image of each point."""
     facing = cloud.normals - 2 * (cloud.normals @ normal)[:, None] * normal
     image = np.concatenate([_mirror_points(cloud.points, normal, offset), _NORMAL_WEIGHT * facing], 1)
@@ -155,7 +155,7 @@ def _mirror_points(points: Float, normal: Float, offset: float) -> Float:
     return np.asarray(points - 2 * (points @ normal - offset)[:, None] * normal)
 
 
-def _distinct_planes(planes: list[_MirrorFit]) -> list[_MirrorFit]:
+def _find_distinct_planes(planes: list[_MirrorFit]) -> list[_MirrorFit]:
     """Returns the best planes, at most ``_MAX_PLANES_REFINED``, without planes that are nearly equal to a
     better plane."""
     distinct: list[_MirrorFit] = []
@@ -165,7 +165,7 @@ def _distinct_planes(planes: list[_MirrorFit]) -> list[_MirrorFit]:
     return distinct[:_MAX_PLANES_REFINED]
 
 
-def _rounded_extent(points: Float, plane: _MirrorFit) -> float:
+def _round_extent(points: Float, plane: _MirrorFit) -> float:
     """Returns the extent of the mesh along the plane's normal, rounded to a tenth so that nearly equal
     extents tie."""
     return float(np.round(np.ptp(points @ plane.normal), 1))

@@ -25,7 +25,7 @@ from enliven.document import Skeleton, SkinWeights
 from enliven.meshes import Mesh, weld
 from enliven.meshes.flips import adjacent_triangles
 from enliven.modeling.skinning.heat_diffusion import bone_segments, heat_weights
-from enliven.modeling.skinning.skin_values import bone_count, dense_weights, keep_largest_weights
+from enliven.modeling.skinning.skin_values import bone_count, keep_largest_weights, make_dense_weights
 from enliven.settings import parameter
 
 _SMOOTH_RINGS = 3
@@ -102,7 +102,7 @@ def reweight_seam(
     if not free.any():
         return skin
     bones = max(len(skeleton), bone_count(skin))
-    weights = heat_weights(mesh, *bone_segments(skeleton), bones, dense_weights(skin, bones), free)
+    weights = heat_weights(mesh, *bone_segments(skeleton), bones, make_dense_weights(skin, bones), free)
     new = keep_largest_weights(weights[free], smooth=True)
     indices, new_weights = skin.indices.copy(), skin.weights.copy()
     indices[free], new_weights[free] = new.indices, new.weights

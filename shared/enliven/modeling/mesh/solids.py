@@ -52,7 +52,7 @@ def solid_from_mesh(mesh: Mesh) -> Solid | str:
         notes.append(f"{closed.caps} holes were closed" if closed.caps > 1 else "a hole was closed")
     if closed.leaf.any():
         notes.append(f"{int(closed.leaf.sum())} faces do not enclose a volume and stay unchanged")
-    closed_mesh = _closed_mesh(used, closed)
+    closed_mesh = _close_mesh(used, closed)
     leaves = replace(
         used.with_faces(closed.leaf),
         vertices=closed_mesh.vertices,
@@ -61,14 +61,14 @@ def solid_from_mesh(mesh: Mesh) -> Solid | str:
     )
     if signed_volume(closed_mesh) < 0:
         notes.append("the faces of the mesh pointed inwards, so they were reversed")
-        closed_mesh, leaves = closed_mesh.turned(), leaves.turned()
+        closed_mesh, leaves = closed_mesh.flip_faces(), leaves.flip_faces()
     manifold, number = _manifold_solid(closed_mesh, closed.label)
     if manifold.status() != manifold3d.Error.NoError:
         return f"the library manifold3d reports {manifold.status()}"
     return Solid(manifold, closed_mesh, closed.made, leaves, number, tuple(notes))
 
 
-def _closed_mesh(mesh: Mesh, closed: ClosedSurface) -> Mesh:
+def _close_mesh(mesh: Mesh, closed: ClosedSurface) -> Mesh:
     """Returns the mesh with open sheets removed and holes capped. The caps interpolate the paint of their
     borders."""
     paint = mesh.paint

@@ -71,7 +71,7 @@ def even_times(character: Character, poses: Sequence[Pose], begin: int) -> tuple
 def interpolate_linearly(values: Float, seconds: Float, grid: Float) -> Float:
     """Interpolates ``values`` (F, ...) linearly from times ``seconds`` (F,) to ``grid`` (G,). Returns (G,
     ...)."""
-    before = np.clip(np.searchsorted(seconds, grid, side="right") - 1, 0, len(seconds) - 2)
-    fraction = np.clip((grid - seconds[before]) / (seconds[before + 1] - seconds[before]), 0.0, 1.0)
+    previous = np.clip(np.searchsorted(seconds, grid, side="right") - 1, 0, len(seconds) - 2)
+    fraction = np.clip((grid - seconds[previous]) / (seconds[previous + 1] - seconds[previous]), 0.0, 1.0)
     fraction = fraction.reshape(-1, *[1] * (values.ndim - 1))
-    return np.asarray((1 - fraction) * values[before] + fraction * values[before + 1])
+    return np.asarray((1 - fraction) * values[previous] + fraction * values[previous + 1])

@@ -121,13 +121,13 @@ def _layer_at(project: Project, layer: GraphLayer, count: int, time: float) -> _
     moves = np.zeros(count, bool)
     moves[layer.own] = True
     stream = smooth_take(project.streams[layer.take], layer.smooth)
-    at = layer.moment(time, stream.duration)
-    weight = 0.0 if layer.muted else at.weight * layer.weight
+    second = layer.moment(time, stream.duration)
+    weight = 0.0 if layer.muted else second.weight * layer.weight
     if weight > 0.0:
-        maps, places = _recorded_maps_at(stream, layer.nodes, at.second)
-        if at.share > 0.0:
+        maps, places = _compute_recorded_maps_at(stream, layer.nodes, second.second)
+        if second.share > 0.0:
             maps, places = _interpolate_maps(
-                (maps, places), _recorded_maps_at(stream, layer.nodes, at.other), at.share
+                (maps, places), _compute_recorded_maps_at(stream, layer.nodes, second.other), second.share
             )
         flip, axes = _MIRROR_SIGNS if layer.mirrored else np.ones(3), to_matrix(layer.axes)
         maps = axes @ (maps * flip * flip[:, None]) @ axes.T
@@ -141,28 +141,30 @@ def _part_maps_at(stream: PoseStream, part: GraphPart, time: float) -> tuple[Flo
     muted part they are taken from its first frame.
     """
     if part.muted:
-        return _recorded_maps_at(stream, part.nodes, 0.0)
-    at = part.moment(time, stream.duration)
-    recorded = _recorded_maps_at(stream, part.nodes, at.second)
-    if at.share > 0.0:
-        recorded = _interpolate_maps(recorded, _recorded_maps_at(stream, part.nodes, at.other), at.share)
+        return _compute_recorded_maps_at(stream, part.nodes, 0.0)
+    second = part.moment(time, stream.duration)
+    recorded = _compute_recorded_maps_at(stream, part.nodes, second.second)
+    if second.share > 0.0:
+        recorded = _interpolate_maps(
+            recorded, _compute_recorded_maps_at(stream, part.nodes, second.other), second.share
+        )
     return (
         recorded
-        if at.weight == 1.0
-        else _interpolate_maps(_recorded_maps_at(stream, part.nodes, 0.0), recorded, at.weight)
+        if second.weight == 1.0
+        else _interpolate_maps(_compute_recorded_maps_at(stream, part.nodes, 0.0), recorded, second.weight)
     )
 
 
-def _recorded_maps_at(stream: PoseStream, nodes: Int, second: float) -> tuple[Float, Float]:
+def _compute_recorded_maps_at(stream: PoseStream, nodes: Int, second: float) -> tuple[Float, Float]:
     """Returns the recorded maps (K, 3, 3) and positions (K, 3) of ``nodes`` (K,), at the time ``second`` of
     the stream."""
     last = len(stream.positions) - 1
     frame = min(second / stream.step, float(last))
-    before = min(int(frame), max(last - 1, 0))
-    after = min(before + 1, last)
+    previous = min(int(frame), max(last - 1, 0))
+    after = min(previous + 1, last)
     pairs = (stream.linear, stream.positions)
-    earlier, later = (tuple(rows[k, nodes] for rows in pairs) for k in (before, after))
-    return _interpolate_maps(earlier, later, frame - before)
+    earlier, later = (tuple(rows[k, nodes] for rows in pairs) for k in (previous, after))
+    return _interpolate_maps(earlier, later, frame - previous)
 
 
 def _interpolate_maps(

@@ -16,7 +16,7 @@ from enliven.document import (
     Project,
     Ride,
     character_from_graph_shape,
-    keyed_stream,
+    make_keyed_stream,
     unused,
 )
 from enliven.modeling.possessed.following import find_followers
@@ -34,15 +34,15 @@ _MIRRORED_ENDS = [0, 2, 1, 4, 3]
 class GraphRig(RigEdits):
     """Implements the edits of whole characters for deformation graphs that play recorded motion."""
 
-    drawn = staticmethod(character_from_graph_shape)
+    make_drawing = staticmethod(character_from_graph_shape)
     cut = staticmethod(cut_graph)
-    merged = staticmethod(merge_graphs)
+    merge = staticmethod(merge_graphs)
 
     def centre(self, shape: GraphCharacter) -> Float:
         """Returns the position (3,) of node 0 at rest, in metres."""
         return np.asarray(shape.positions[0])
 
-    def seen(self, project: Project, shape: GraphCharacter, time: float) -> Float:
+    def compute_vertices(self, project: Project, shape: GraphCharacter, time: float) -> Float:
         """Returns the vertices (V, 3) in metres at a time of the project."""
         return graph_vertices(shape, *graph_pose(project, shape, time))
 
@@ -78,14 +78,14 @@ class GraphRig(RigEdits):
 
     def with_key_layer(self, project: Project, shape: GraphCharacter, handle: int, key: MotionKey) -> Project:
         """Adds a layer with the key on top of all other layers. It bends the mesh around the node."""
-        own, follow = find_followers(shape, handle)
+        own_nodes, follow = find_followers(shape, handle)
         name = unused(f"{shape.id} node {handle} keys", project.streams)
-        rest = shape.positions[own]
-        layer = GraphLayer(name, np.arange(len(own)), own, rest)
+        rest = shape.positions[own_nodes]
+        layer = GraphLayer(name, np.arange(len(own_nodes)), own_nodes, rest)
         shape = shape.with_changes(over=(*shape.over, layer))
-        return project.with_streams(keyed_stream(name, rest, follow, [key])).with_characters(shape)
+        return project.with_streams(make_keyed_stream(name, rest, follow, [key])).with_characters(shape)
 
-    def moved(self, shape: GraphCharacter, offset: Float, turn: Float, about: Float) -> GraphCharacter:
+    def move(self, shape: GraphCharacter, offset: Float, turn: Float, about: Float) -> GraphCharacter:
         """Moves the motion of the shape. Its rest pose does not change, and parts with a ride follow their
         carrier."""
         parts = tuple(
@@ -100,7 +100,7 @@ class GraphRig(RigEdits):
         )
         return shape.with_changes(parts=parts)
 
-    def scaled(self, shape: GraphCharacter, factor: float) -> GraphCharacter:
+    def scale(self, shape: GraphCharacter, factor: float) -> GraphCharacter:
         """Scales the rest pose and the motion by ``factor`` about the centre."""
         centre = self.centre(shape)
 

@@ -45,12 +45,14 @@ cells."""
 
 def stale(project: Project, shape: GraphCharacter) -> bool:
     """Returns True if a motion of a shape was computed from inputs that have changed since."""
-    return any(_motion_checksum(project, shape, n) != how.solved for n, _, how in _possessed_parts(shape))
+    return any(
+        _motion_checksum(project, shape, n) != how.solved for n, _, how in _find_possessed_parts(shape)
+    )
 
 
 def has_missing_motion(shape: GraphCharacter) -> bool:
     """Returns True if a motion of a shape is missing, for example after its file was damaged."""
-    return any(not how.solved for _, _, how in _possessed_parts(shape))
+    return any(not how.solved for _, _, how in _find_possessed_parts(shape))
 
 
 def solve_lost(project: Project, progress: Callable[[float], None] | None = None) -> Project:
@@ -68,7 +70,7 @@ def solve_lost(project: Project, progress: Callable[[float], None] | None = None
 def mark_as_solved(project: Project, shape_id: str) -> Project:
     """Marks the streams of a shape as computed from the current inputs."""
     shape, parts = project.graph(shape_id), list(project.graph(shape_id).parts)
-    for number, part, how in _possessed_parts(shape):
+    for number, part, how in _find_possessed_parts(shape):
         parts[number] = replace(
             part, possession=replace(how, solved=_motion_checksum(project, shape, number))
         )
@@ -82,7 +84,7 @@ def with_possession(project: Project, shape_id: str, possession: Possession) -> 
         InputError: if the shape does not exist, or performers moved no part of it.
     """
     shape = project.graph(shape_id)
-    for number, part, how in _possessed_parts(shape):
+    for number, part, how in _find_possessed_parts(shape):
         new_possession = replace(possession, rest=how.rest, solved=how.solved)
         parts = (*shape.parts[:number], replace(part, possession=new_possession), *shape.parts[number + 1 :])
         return project.with_characters(shape.with_changes(parts=parts))
@@ -119,8 +121,8 @@ def possess_mesh(
         take = replace(take, id=unused(take.id, project.bodies))
     graph, name = DeformationGraph.build(mesh, nodes), unused(mesh.name or "mesh", project.characters)
     rest = graph.positions
-    still = np.tile(np.eye(3), (1, len(rest), 1, 1)), rest[None]
-    stream = PoseStream(unused(name, project.streams), *still, 1.0)
+    rest_motion = np.tile(np.eye(3), (1, len(rest), 1, 1)), rest[None]
+    stream = PoseStream(unused(name, project.streams), *rest_motion, 1.0)
     part = GraphPart(
         stream.id, np.arange(len(rest)), possession=replace(possession, take=take.id, rest=rest, solved="")
     )
@@ -149,11 +151,11 @@ def solve_again(
     shape = project.graph(shape_id)
     due = [
         entry
-        for entry in _possessed_parts(shape)
+        for entry in _find_possessed_parts(shape)
         if _motion_checksum(project, shape, entry[0]) != entry[2].solved
     ]
     parts = list(shape.parts)
-    for done, (number, part, how) in enumerate(due):
+    for finished_count, (number, part, how) in enumerate(due):
         (bare, rest), take, poses = (
             _extract_part_at_rest(shape, number),
             project.bodies[how.take],
@@ -163,10 +165,12 @@ def solve_again(
             poses.append(pose)
             if progress is not None:
                 fraction = (pose.time_ns * 1e-9 - how.start) / max(how.last(take) - how.start, 1e-9)
-                progress(min((done + fraction) / len(due), 1.0))
+                progress(min((finished_count + fraction) / len(due), 1.0))
         users = [layer for character in project.characters.values() for layer in character.playing]
-        alone = sum(layer.take == part.take for layer in users if layer.source == part.source) == 1
-        stream = stream_at_even_steps(bare, poses, part.take if alone else unused(shape_id, project.streams))
+        is_only_user = sum(layer.take == part.take for layer in users if layer.source == part.source) == 1
+        stream = stream_at_even_steps(
+            bare, poses, part.take if is_only_user else unused(shape_id, project.streams)
+        )
         solved = replace(how, rest=rest, solved=_motion_checksum(project, shape, number))
         parts[number] = replace(part, take=stream.id, nodes=np.arange(len(rest)), possession=solved)
         shape = shape.with_changes(parts=tuple(parts))
@@ -176,7 +180,7 @@ def solve_again(
     return project
 
 
-def _possessed_parts(shape: GraphCharacter) -> list[tuple[int, GraphPart, Possession]]:
+def _find_possessed_parts(shape: GraphCharacter) -> list[tuple[int, GraphPart, Possession]]:
     """Returns the parts of a shape that performers moved, with their numbers."""
     parts = enumerate(shape.parts)
     return [(n, part, part.possession) for n, part in parts if part.possession is not None]

@@ -66,7 +66,7 @@ def merge_graphs(project: Project, merge: Merge) -> Project:
     """
     host, graft = project.graph(merge.host), project.graph(merge.graft)
     host_nodes, graft_nodes = graph_pose(project, host, merge.time), graph_pose(project, graft, merge.time)
-    node, root = _meeting_nodes(host, host_nodes[1], graft_nodes[1], merge.node)
+    node, root = _find_meeting_nodes(host, host_nodes[1], graft_nodes[1], merge.node)
     turn, place = from_matrix(host_nodes[0][node]), host_nodes[1][node]
     axes = multiply(conjugate(turn), from_matrix(graft_nodes[0][root]))
     to = host.positions[node] + rotate(conjugate(turn), graft_nodes[1][root] - place)
@@ -100,7 +100,7 @@ def merge_graphs(project: Project, merge: Merge) -> Project:
         (*host.parts, *parts),
         (*host.over, *(replace(layer, own=layer.own + first) for layer in moved.over)),
     )
-    return project.without(graft.id).with_characters(merged)
+    return project.drop_character(graft.id).with_characters(merged)
 
 
 def _cut_side(shape: GraphCharacter, piece: Piece, side_id: str) -> GraphCharacter:
@@ -147,7 +147,7 @@ def _layer_with(layer: GraphLayer, kept: Bool, number: Int) -> GraphLayer:
     return replace(layer, nodes=layer.nodes[is_kept], own=number[layer.own[is_kept]])
 
 
-def _meeting_nodes(
+def _find_meeting_nodes(
     host: GraphCharacter, ours: Float, theirs: Float, node: int | str | None
 ) -> tuple[int, int]:
     """Returns the host's node that carries the graft, and the graft's node nearest to it."""

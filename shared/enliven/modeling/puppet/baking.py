@@ -38,7 +38,7 @@ def bake_puppet(
         InputError: in the same cases as :func:`bake_motion`.
     """
     puppet = project.puppet(puppet_id)
-    rest = project if keep else project.without(puppet_id)
+    rest = project if keep else project.drop_character(puppet_id)
     graph_id = unused(puppet_id, rest.characters)
     stream_id = unused(puppet_id, project.streams)
     graph, stream, error = bake_motion(project, puppet, start, end, rate, (graph_id, stream_id), settings)

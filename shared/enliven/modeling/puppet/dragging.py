@@ -8,7 +8,7 @@ from enliven.arrays import AnyArray, Float
 from enliven.document import ExampleCharacter, Project
 from enliven.errors import InputError
 from enliven.examples.puppet_examples import find_nearest_frame
-from enliven.modeling.puppet.parts import evaluate_puppet_state, to_mesh_frame
+from enliven.modeling.puppet.parts import convert_to_mesh_frame, evaluate_puppet_state
 from enliven.modeling.puppet.poses import add_key_pose, change_key_pose
 
 
@@ -29,10 +29,10 @@ def drag_point(project: Project, puppet_id: str, point: int, place: AnyArray, ti
             "the puppet plays no take", where=puppet.where, remedy="Choose a take for the puppet first."
         )
     state = evaluate_puppet_state(project, puppet, time)
-    second = layer.played(time, project.takes[layer.take].duration)[0]
+    second = layer.find_played_time(time, project.takes[layer.take].duration)[0]
     number = key_pose_at(project, puppet, layer.take, second)
     places: Float = np.array(state.places if number is None else puppet.poses[number].places)
-    places[point] = to_mesh_frame(puppet, state, place)
+    places[point] = convert_to_mesh_frame(puppet, state, place)
     if number is None:
         return add_key_pose(project, puppet_id, layer.take, second, places)
     return change_key_pose(project, puppet_id, number, places=places)

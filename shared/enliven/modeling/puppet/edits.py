@@ -61,11 +61,11 @@ def play_take(project: Project, puppet_id: str, take: str, **attributes: Any) ->
     """
     puppet = project.puppet(puppet_id)
     check_names(attributes, PuppetLayer, f"layer of {take!r}")
-    layer = checked_layer(project, puppet, PuppetLayer(take, **attributes))
+    layer = check_layer_number(project, puppet, PuppetLayer(take, **attributes))
     return project.with_characters(puppet.with_changes(layers=(*puppet.layers, layer)))
 
 
-def checked_layer(project: Project, puppet: ExampleCharacter, layer: PuppetLayer) -> PuppetLayer:
+def check_layer_number(project: Project, puppet: ExampleCharacter, layer: PuppetLayer) -> PuppetLayer:
     """Returns a layer after checking it. For an unfinished puppet, checks that need the missing data are
     skipped."""
     location = f"puppet {puppet.id!r}"

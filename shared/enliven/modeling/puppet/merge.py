@@ -28,7 +28,7 @@ from enliven.document import (
 )
 from enliven.errors import InputError
 from enliven.examples.puppet_examples import find_missing_examples, find_nearest_frame
-from enliven.examples.puppet_motion import solve_layer_motion, to_world_frame
+from enliven.examples.puppet_motion import convert_to_world_frame, solve_layer_motion
 from enliven.modeling.mesh.boolean_union import Union
 from enliven.modeling.mesh.mesh_union import unite_meshes
 from enliven.modeling.mesh.seam import smooth_seam
@@ -36,8 +36,8 @@ from enliven.modeling.puppet.parts import (
     add_moment,
     align_puppet,
     evaluate_puppet_state,
+    find_nearest_paired,
     find_needed_points,
-    nearest_paired,
     remove_symmetry_plane,
     solve_surfaces,
     surface_of_puppet,
@@ -87,18 +87,18 @@ def merge_puppets(project: Project, merge: Merge) -> Project:
     Raises:
         InputError: if the union of the meshes fails.
     """
-    time, messages, before = merge.time, merge.notes, project.puppet(merge.host)
+    time, messages, old_host = merge.time, merge.notes, project.puppet(merge.host)
     host, graft = (_Side(project, project.puppet(name), time) for name in (merge.host, merge.graft))
     keys = list(dict.fromkeys([*host.keys, *graft.keys]))
     host.solve_key_pose_surfaces(keys)
     graft.solve_key_pose_surfaces(keys)
-    middle = _meeting_point(host.seen, graft.seen)
+    middle = _find_meeting_point(host.seen, graft.seen)
     to_host, to_graft = host.fit_surface_motion(middle), graft.fit_surface_motion(middle)
-    united_mesh = _united_mesh(host.puppet, graft.puppet, to_host.inverse.after(to_graft), merge)
+    united_mesh = _unite_mesh(host.puppet, graft.puppet, to_host.inverse.after(to_graft), merge)
     merged = _Merge(host, graft, united_mesh, keys, middle).build_puppet(messages)
-    project = project.without(merge.graft)
+    project = project.drop_character(merge.graft)
     state = evaluate_puppet_state(project.with_characters(merged), merged, time)
-    return project.with_characters(align_puppet(merged, state, before, host.state))
+    return project.with_characters(align_puppet(merged, state, old_host, host.state))
 
 
 class _Side:
@@ -116,7 +116,7 @@ class _Side:
         self._project, self.state = project, evaluate_puppet_state(project, puppet, time)
         self._surface = surface_of_puppet(puppet)
         self.local = self._surface.solve_from_rest(self.state.places)
-        self.seen = to_world_frame(puppet, self.state, self.local)
+        self.seen = convert_to_world_frame(puppet, self.state, self.local)
         self.puppet = remove_symmetry_plane(project, add_moment(project, puppet, time))
         takes = project.takes
         self.keys = [
@@ -127,7 +127,9 @@ class _Side:
     @property
     def world(self) -> _Rigid:
         """The rigid motion from the mesh's frame to the world at the time of the merge."""
-        corners = to_world_frame(self.puppet, self.state, np.concatenate([np.zeros((1, 3)), np.eye(3)]))
+        corners = convert_to_world_frame(
+            self.puppet, self.state, np.concatenate([np.zeros((1, 3)), np.eye(3)])
+        )
         return _Rigid((corners[1:] - corners[0]).T, corners[0])
 
     def solve_key_pose_surfaces(self, keys: Sequence[tuple[str, int]]) -> None:
@@ -200,7 +202,7 @@ class _Merge:
         sides = [ours, theirs]
         for vertex in added:
             side = sides[int(self._mine[1][vertex])]
-            leader = nearest_paired(merged.mesh, list(side.values()), [vertex])[0]
+            leader = find_nearest_paired(merged.mesh, list(side.values()), [vertex])[0]
             name = unused(f"{leader.name} seam" if leader else "seam", names)
             names[name] = more[name] = ControlPoint(name, vertex, leader.joint if leader else "")
             side[name] = names[name]
@@ -218,7 +220,7 @@ class _Merge:
         if any(layer.positions or layer.velocities or layer.couplings for layer in graft.layers):
             notes.append(f"The hard constraints of {graft.id!r} were removed.")
         return self._puppet_with_points([*points, *more.values()]).with_changes(
-            layers=self._merged_layers(ours, theirs)
+            layers=self._merge_layers(ours, theirs)
         )
 
     def _points_on_union(
@@ -284,7 +286,7 @@ class _Merge:
         away = scipy.spatial.cKDTree(mesh.vertices[seam]).query(mesh.vertices)[0]
         return np.asarray(either & (away > _REGION_RADIUS_FRACTION * size))
 
-    def _merged_layers(
+    def _merge_layers(
         self, ours: dict[str, ControlPoint], theirs: dict[str, ControlPoint]
     ) -> tuple[PuppetLayer, ...]:
         """Returns the layers of both puppets, each for its own control points. Layers that play the same take
@@ -314,14 +316,14 @@ class _Merge:
 def _plays_same_frames(host: ExampleCharacter, graft: ExampleCharacter) -> bool:
     """Returns True if graft and host play the same frames of the same takes, so that the host can carry the
     graft."""
-    played = [
+    played_takes = [
         {(layer.take, layer.offset, layer.speed, layer.loop) for layer in puppet.layers if not layer.muted}
         for puppet in (host, graft)
     ]
-    return not played[1] or played[0] == played[1]
+    return not played_takes[1] or played_takes[0] == played_takes[1]
 
 
-def _united_mesh(host: ExampleCharacter, graft: ExampleCharacter, to: _Rigid, merge: Merge) -> Union:
+def _unite_mesh(host: ExampleCharacter, graft: ExampleCharacter, to: _Rigid, merge: Merge) -> Union:
     """Returns the union of both meshes at rest, with the graft moved by ``to`` and the seam smoothed."""
     moved = replace(graft.mesh, vertices=to(graft.mesh.vertices))
     union = unite_meshes(
@@ -346,12 +348,12 @@ def _placeholder_skin(puppet: ExampleCharacter) -> SkinWeights:
     return SkinWeights(np.zeros((count, 4), np.uint16), weights)
 
 
-def _meeting_point(ours: Float, theirs: Float) -> Float:
+def _find_meeting_point(ours: Float, theirs: Float) -> Float:
     """Returns the centre of the region in which two surfaces are nearest, (3,) in metres of the world."""
-    away, which = scipy.spatial.cKDTree(ours).query(theirs)
+    distances, nearest = scipy.spatial.cKDTree(ours).query(theirs)
     scale = 0.02 * float(np.linalg.norm(np.ptp(theirs, axis=0)))
-    near = away <= away.min() + scale
-    return np.asarray((theirs[near].mean(0) + ours[which[near]].mean(0)) / 2)
+    near = distances <= distances.min() + scale
+    return np.asarray((theirs[near].mean(0) + ours[nearest[near]].mean(0)) / 2)
 
 
 def _vertices_around(points: Float, middle: Float, puppet: ExampleCharacter) -> Int:

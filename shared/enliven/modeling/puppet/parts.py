@@ -51,7 +51,7 @@ def evaluate_puppet_state(project: Project, puppet: ExampleCharacter, time: floa
     return evaluate_state(project, puppet.with_changes(layers=()), time)
 
 
-def to_mesh_frame(puppet: ExampleCharacter, state: PuppetState, place: AnyArray) -> Float:
+def convert_to_mesh_frame(puppet: ExampleCharacter, state: PuppetState, place: AnyArray) -> Float:
     """Returns a point (3,) of the world in the mesh's frame, in metres."""
     local = rotate(conjugate(puppet.turn), np.asarray(place) - puppet.place) - state.root
     return rotate(_rotation_about_y(-state.yaw), local)
@@ -62,7 +62,9 @@ def solve_surfaces(surface: PuppetSurface, places: Float) -> Float:
     3) in metres of the mesh's frame.
     """
     count = len(surface.mesh.vertices)
-    return np.array([surface.solve_from_rest(each) for each in places]).reshape(len(places), count, 3)
+    return np.array([surface.solve_from_rest(joint_places) for joint_places in places]).reshape(
+        len(places), count, 3
+    )
 
 
 def align_puppet(
@@ -71,7 +73,9 @@ def align_puppet(
     """Returns the puppet, moved so that two mesh frames coincide: its own in ``state``, and that of the
     puppet ``reference`` in ``reference_state``.
     """
-    turn = normalized(multiply(_world_rotation(reference, reference_state), _rotation_about_y(-state.yaw)))
+    turn = normalized(
+        multiply(_compute_world_rotation(reference, reference_state), _rotation_about_y(-state.yaw))
+    )
     place = rotate(reference.turn, reference_state.root) + reference.place - rotate(turn, state.root)
     return puppet.with_changes(turn=turn, place=place)
 
@@ -81,7 +85,7 @@ def add_moment(project: Project, puppet: ExampleCharacter, time: float) -> Examp
 
     The puppet is not changed if several takes contribute to the pose, or if it has that key pose already.
     """
-    layer = _leading_layer(puppet)
+    layer = _find_leading_layer(puppet)
     if layer is None or find_missing_examples(project, puppet):
         return puppet
     motion = solve_layer_motion(project, puppet, puppet.layers.index(layer))
@@ -118,7 +122,7 @@ def remove_symmetry_plane(project: Project, puppet: ExampleCharacter) -> Example
     For each mirrored key pose, the most similar frame of its take becomes a key pose.
     """
     plain = puppet.with_changes(symmetry=None)
-    layer = _leading_layer(puppet)
+    layer = _find_leading_layer(puppet)
     if puppet.symmetry is None or layer is None or find_missing_examples(project, puppet):
         return plain
     motion = solve_layer_motion(project, puppet, puppet.layers.index(layer))
@@ -179,12 +183,12 @@ def find_needed_points(
             asked, max_count = np.arange(len(old_positions)), 0 if worst > tolerance else max_count
             continue
         asked = asked[each.max(1) > tolerance]
-        added += _worst_vertices(
+        added += _find_worst_vertices(
             puppet.mesh.vertices, off, tolerance, min(_POINTS_PER_CHECK, max_count - len(added))
         )
 
 
-def _worst_vertices(vertices: Float, off: Float, tolerance: float, count: int) -> list[int]:
+def _find_worst_vertices(vertices: Float, off: Float, tolerance: float, count: int) -> list[int]:
     """Returns up to ``count`` vertices with errors above the tolerance, the worst first. Vertices close to a
     chosen vertex are skipped."""
     errors, chosen = off.copy(), list[int]()
@@ -195,7 +199,7 @@ def _worst_vertices(vertices: Float, off: Float, tolerance: float, count: int) -
     return chosen
 
 
-def distinguishing_points(project: Project, puppet: ExampleCharacter) -> tuple[ControlPoint, ...]:
+def find_distinguishing_points(project: Project, puppet: ExampleCharacter) -> tuple[ControlPoint, ...]:
     """Returns the control points with joints that have different positions in different key poses. If there
     are none, returns all control points that have a joint.
 
@@ -211,7 +215,7 @@ def distinguishing_points(project: Project, puppet: ExampleCharacter) -> tuple[C
     return tuple(point for point in paired_points if clear[names.index(point.name)]) or paired_points
 
 
-def without_ambiguous_poses(project: Project, puppet: ExampleCharacter) -> tuple[ExampleCharacter, int]:
+def remove_ambiguous_poses(project: Project, puppet: ExampleCharacter) -> tuple[ExampleCharacter, int]:
     """Removes key poses with the same joint positions as an earlier key pose. Returns the puppet and the
     number of removed poses."""
     poses: list[KeyPose] = []
@@ -244,7 +248,7 @@ def _joints_at_key_poses(project: Project, puppet: ExampleCharacter) -> Float | 
         return None
 
 
-def nearest_paired(
+def find_nearest_paired(
     mesh: Mesh, points: Sequence[ControlPoint], vertices: Sequence[int]
 ) -> list[ControlPoint | None]:
     """Returns for each vertex the control point with a joint that is nearest along the surface, or None if no
@@ -273,7 +277,7 @@ def sample_spread_vertices(
     return chosen
 
 
-def without_points(layer: PuppetLayer, names: set[str]) -> PuppetLayer:
+def remove_points_from(layer: PuppetLayer, names: set[str]) -> PuppetLayer:
     """Returns the layer with only the control points that have one of the ``names``."""
     return replace(
         layer,
@@ -292,7 +296,7 @@ _MIN_MOTION_FRACTION = 0.02
 """A joint that moves less than this fraction of the largest joint motion cannot distinguish key poses."""
 
 
-def _leading_layer(puppet: ExampleCharacter) -> PuppetLayer | None:
+def _find_leading_layer(puppet: ExampleCharacter) -> PuppetLayer | None:
     """Returns the layer that alone determines the positions of all control points, or None if several layers
     determine them."""
     layers = [layer for layer in puppet.layers if not layer.muted and layer.weight > 0.0]
@@ -303,7 +307,7 @@ def _leading_layer(puppet: ExampleCharacter) -> PuppetLayer | None:
     return top if moves_all else None
 
 
-def _world_rotation(puppet: ExampleCharacter, state: PuppetState) -> Float:
+def _compute_world_rotation(puppet: ExampleCharacter, state: PuppetState) -> Float:
     return multiply(puppet.turn, _rotation_about_y(state.yaw))
 
 

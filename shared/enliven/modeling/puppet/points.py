@@ -45,7 +45,7 @@ def add_point(
         raise InputError(
             f"another control point already has the name {name!r}", where=_error_place(puppet), remedy=remedy
         )
-    vertex = checked_vertex(puppet, vertex)
+    vertex = check_vertex(puppet, vertex)
     name = name or unused(f"point {len(points_by_name) + 1}", points_by_name)
     places = surface_places(puppet, vertex) if places is None else places
     poses = [
@@ -85,7 +85,7 @@ def change_point(project: Project, puppet_id: str, point: str, **changes: Any) -
     old = puppet.points[number]
     poses = puppet.poses
     if "vertex" in changes and changes["vertex"] != old.vertex:
-        changes["vertex"] = checked_vertex(puppet, changes["vertex"])
+        changes["vertex"] = check_vertex(puppet, changes["vertex"])
         places = surface_places(puppet, changes["vertex"])
         poses = tuple(
             replace(pose, places=_with_row(pose.places, number, place))
@@ -103,7 +103,7 @@ def change_point(project: Project, puppet_id: str, point: str, **changes: Any) -
     return project.with_characters(puppet.with_changes(points=points, poses=poses, layers=layers))
 
 
-def checked_vertex(puppet: ExampleCharacter, vertex: int) -> int:
+def check_vertex(puppet: ExampleCharacter, vertex: int) -> int:
     """Returns a vertex after checking that a control point can be placed on it.
 
     Raises:

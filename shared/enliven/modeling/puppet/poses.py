@@ -34,8 +34,8 @@ def add_key_pose(project: Project, puppet_id: str, take: str, time: float, place
             if a position is missing or not finite, or if another key pose has the same pose of the performer.
     """
     puppet = project.puppet(puppet_id)
-    pose = _checked_pose(project, puppet, KeyPose(take, float(time), np.asarray(places, np.float64)), None)
-    return _checked_to_differ(project, puppet.with_changes(poses=(*puppet.poses, pose)))
+    pose = _check_pose(project, puppet, KeyPose(take, float(time), np.asarray(places, np.float64)), None)
+    return _check_to_differ(project, puppet.with_changes(poses=(*puppet.poses, pose)))
 
 
 def change_key_pose(project: Project, puppet_id: str, number: int, **changes: Any) -> Project:
@@ -47,8 +47,8 @@ def change_key_pose(project: Project, puppet_id: str, number: int, **changes: An
     puppet = project.puppet(puppet_id)
     old = _find_key_pose(puppet, number)
     check_names(changes, KeyPose, f"key pose {number}")
-    pose = _checked_pose(project, puppet, replace(old, **changes), number)
-    return _checked_to_differ(project, _with_pose(puppet, number, pose))
+    pose = _check_pose(project, puppet, replace(old, **changes), number)
+    return _check_to_differ(project, _with_pose(puppet, number, pose))
 
 
 def remove_key_pose(project: Project, puppet_id: str, number: int) -> Project:
@@ -110,7 +110,7 @@ def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Proje
     return project.with_characters(puppet.with_changes(symmetry=plane))
 
 
-def _checked_to_differ(project: Project, puppet: ExampleCharacter) -> Project:
+def _check_to_differ(project: Project, puppet: ExampleCharacter) -> Project:
     """Returns the project with the puppet. Raises an error if two of its examples are equal."""
     changed = project.with_characters(puppet)
     if not find_missing_examples(changed, puppet):
@@ -130,7 +130,7 @@ def _with_pose(puppet: ExampleCharacter, number: int, pose: KeyPose) -> ExampleC
     return puppet.with_changes(poses=poses)
 
 
-def _checked_pose(project: Project, puppet: ExampleCharacter, pose: KeyPose, number: int | None) -> KeyPose:
+def _check_pose(project: Project, puppet: ExampleCharacter, pose: KeyPose, number: int | None) -> KeyPose:
     """Returns a key pose after checking that it can replace the pose ``number``, or be appended (None)."""
     location = f"puppet {puppet.id!r}"
     if pose.take not in project.takes:

@@ -18,10 +18,10 @@ from enliven.document import (
     character_from_puppet,
 )
 from enliven.examples.puppet_examples import find_missing_examples
-from enliven.examples.puppet_motion import pose_of_state, to_world_frame
+from enliven.examples.puppet_motion import convert_to_world_frame, pose_of_state
 from enliven.modeling.puppet.baking import bake_motion
 from enliven.modeling.puppet.dragging import drag_point
-from enliven.modeling.puppet.edits import checked_layer
+from enliven.modeling.puppet.edits import check_layer_number
 from enliven.modeling.puppet.merge import merge_puppets
 from enliven.modeling.puppet.parts import evaluate_puppet_state, surface_of_puppet
 from enliven.modeling.puppet.surgery import cut_puppet
@@ -35,9 +35,9 @@ class PuppetRig(RigEdits):
     Baking solves the surface for each frame."""
 
     frames = 30.0
-    drawn = staticmethod(character_from_puppet)
+    make_drawing = staticmethod(character_from_puppet)
     cut = staticmethod(cut_puppet)
-    merged = staticmethod(merge_puppets)
+    merge = staticmethod(merge_puppets)
 
     def centre(self, puppet: ExampleCharacter) -> Float:
         """Returns the point (3,) on the floor below the centre of the mesh at rest, in metres."""
@@ -45,9 +45,9 @@ class PuppetRig(RigEdits):
         middle = (low + high) / 2.0 * [1.0, 0.0, 1.0]
         return np.asarray(rotate(puppet.turn, middle) + puppet.place)
 
-    def seen(self, project: Project, puppet: ExampleCharacter, time: float) -> Float:
+    def compute_vertices(self, project: Project, puppet: ExampleCharacter, time: float) -> Float:
         """Returns the vertices (V, 3) in metres at a time of the project."""
-        return self.surface(project, puppet)(time)
+        return self.create_surface_player(project, puppet)(time)
 
     def create_player(self, project: Project, puppet: ExampleCharacter) -> Player:
         """Returns a function from a time to the puppet's frame and control points. The renderer solves the
@@ -56,7 +56,7 @@ class PuppetRig(RigEdits):
         def at(time: float) -> CharacterState:
             state = evaluate_puppet_state(project, puppet, time)
             pose = pose_of_state(puppet, state, round(time * 1e9))
-            return CharacterState(pose, to_world_frame(puppet, state, state.places))
+            return CharacterState(pose, convert_to_world_frame(puppet, state, state.places))
 
         return at
 
@@ -74,14 +74,14 @@ class PuppetRig(RigEdits):
 
         return at
 
-    def surface(self, project: Project, puppet: ExampleCharacter) -> Callable[[float], Float]:
+    def create_surface_player(self, project: Project, puppet: ExampleCharacter) -> Callable[[float], Float]:
         """Returns a function from a time to the surface (V, 3) in metres. The solver is prepared only
         once."""
         solver = surface_of_puppet(puppet)
 
         def at(time: float) -> Float:
             state = evaluate_puppet_state(project, puppet, time)
-            return to_world_frame(puppet, state, solver.solve_from_rest(state.places))
+            return convert_to_world_frame(puppet, state, solver.solve_from_rest(state.places))
 
         return at
 
@@ -96,7 +96,7 @@ class PuppetRig(RigEdits):
     def check_layers(self, project: Project, puppet: ExampleCharacter, numbers: set[int]) -> None:
         """Raises an error if constraints of the layers ``numbers`` contradict each other."""
         for number in numbers:
-            checked_layer(project, puppet, puppet.layers[number])
+            check_layer_number(project, puppet, puppet.layers[number])
 
     def drag_handle(
         self, project: Project, puppet: ExampleCharacter, handle: int, place: Float, time: float
@@ -104,12 +104,12 @@ class PuppetRig(RigEdits):
         """Adds the pose at ``time`` as a key pose, with the control point ``handle`` moved to ``place``."""
         return drag_point(project, puppet.id, handle, place, time)
 
-    def moved(self, puppet: ExampleCharacter, offset: Float, turn: Float, about: Float) -> ExampleCharacter:
+    def move(self, puppet: ExampleCharacter, offset: Float, turn: Float, about: Float) -> ExampleCharacter:
         """Moves the puppet. Data in its own frame does not change."""
         place = rotate(turn, puppet.place - about) + about + offset
         return puppet.with_changes(turn=normalized(multiply(turn, puppet.turn)), place=place)
 
-    def scaled(self, puppet: ExampleCharacter, factor: float) -> ExampleCharacter:
+    def scale(self, puppet: ExampleCharacter, factor: float) -> ExampleCharacter:
         """Scales the mesh, its examples and strides. Flight still follows gravity, independent of size."""
 
         def scaled(vectors: AnyArray) -> Float:
@@ -155,12 +155,12 @@ def _with_mapped_axes(
         )
     return puppet.with_changes(
         poses=tuple(replace(pose, places=vectors(pose.places)) for pose in puppet.poses),
-        layers=tuple(_mapped_layer(layer, vectors) for layer in puppet.layers),
+        layers=tuple(_map_layer(layer, vectors) for layer in puppet.layers),
         symmetry=plane,
     )
 
 
-def _mapped_layer(layer: PuppetLayer, map_of: Callable[[AnyArray], Float]) -> PuppetLayer:
+def _map_layer(layer: PuppetLayer, map_of: Callable[[AnyArray], Float]) -> PuppetLayer:
     """Returns a layer with its constraints in other axes or sizes. ``map_of`` maps the vector of each
     constraint."""
     return replace(

@@ -1,8 +1,8 @@
 """Suggests an initial puppet: control points, joints, feet, symmetry and key frames.
 
-suggested_puppet(project, mesh, "walk", "cow")     # a puppet that needs only key poses
-suggested_vertices(mesh, 6)                        # control points only, for the studio's panel
-suggested_pairs(project, "cow", "walk")            # a joint for each control point that is not paired
+suggest_puppet(project, mesh, "walk", "cow")       # a puppet that needs only key poses
+suggest_extremities(mesh, 6)                       # control points only, for the studio's panel
+suggest_pairs(project, "cow", "walk")              # a joint for each control point that is not paired
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class SuggestedPair:
     foot: bool
 
 
-def suggested_puppet(
+def suggest_puppet(
     project: Project, mesh: Mesh, take: str, puppet_id: str, points: int = 6, poses: int | None = None
 ) -> Project:
     """Adds a puppet that is complete except for its key poses. In these, all control points are still at
@@ -81,8 +81,8 @@ def suggested_puppet(
             problem, where=f"puppet {puppet_id!r}", remedy="Pass at least 1 control point and 2 key poses."
         )
     project = make_puppet(project, mesh, puppet_id)
-    plane = _left_right_plane(mesh)
-    for vertex in _suggested_vertices(mesh, points, plane):
+    plane = _compute_left_right_plane(mesh)
+    for vertex in _suggest_extremities(mesh, points, plane):
         project = add_point(project, puppet_id, vertex)
     if plane is not None and _mirror_partners(project.puppet(puppet_id).rest, plane) is not None:
         project = set_symmetry(project, puppet_id, plane)
@@ -95,16 +95,16 @@ def suggested_puppet(
     return play_take(project, puppet_id, take)
 
 
-def suggested_vertices(mesh: Mesh, count: int) -> list[int]:
+def suggest_extremities(mesh: Mesh, count: int) -> list[int]:
     """Returns vertices at the extremities of a mesh, and their mirror images if it is symmetric.
 
     Args:
         count: maximum number of extremities (ends of limbs). Their mirror images are added.
     """
-    return _suggested_vertices(mesh, count, _left_right_plane(mesh))
+    return _suggest_extremities(mesh, count, _compute_left_right_plane(mesh))
 
 
-def suggested_pairs(project: Project, puppet_id: str, take: str) -> tuple[SuggestedPair, ...]:
+def suggest_pairs(project: Project, puppet_id: str, take: str) -> tuple[SuggestedPair, ...]:
     """Suggests a joint for each control point that is not paired: a joint that moves in the take, on the same
     side and at a similar height.
 
@@ -112,7 +112,7 @@ def suggested_pairs(project: Project, puppet_id: str, take: str) -> tuple[Sugges
     the mesh is a foot if its joint is a foot.
     """
     puppet, clip = project.puppet(puppet_id), project.takes[take]
-    plane = puppet.symmetry or _left_right_plane(puppet.mesh)
+    plane = puppet.symmetry or _compute_left_right_plane(puppet.mesh)
     partners = None if plane is None else _mirror_partners(puppet.rest, plane)
     joints = _with_mirrored_joints(clip, [point.joint for point in puppet.points], partners)
     unpaired = [number for number, joint in enumerate(joints) if not joint]
@@ -121,7 +121,7 @@ def suggested_pairs(project: Project, puppet_id: str, take: str) -> tuple[Sugges
     guesses = guess_joints(clip.skeleton, puppet.rest, used_joints, unpaired, motion, partners)
     for number, joint in zip(unpaired, guesses, strict=True):
         joints[number] = joint
-    feet = _standing_points(clip, joints, puppet)
+    feet = _find_standing_points(clip, joints, puppet)
     return tuple(
         SuggestedPair(point.name, joint, foot)
         for point, joint, foot in zip(puppet.points, joints, feet, strict=True)
@@ -129,21 +129,21 @@ def suggested_pairs(project: Project, puppet_id: str, take: str) -> tuple[Sugges
     )
 
 
-def _suggested_vertices(mesh: Mesh, count: int, plane: Plane | None) -> list[int]:
+def _suggest_extremities(mesh: Mesh, count: int, plane: Plane | None) -> list[int]:
     vertices = [int(vertex) for vertex in find_extremity_vertices(mesh, count)]
     return vertices if plane is None else _with_mirror_images(mesh, vertices, plane)
 
 
-def suggested_joint(project: Project, puppet_id: str, take: str, point: str) -> str:
+def suggest_joint(project: Project, puppet_id: str, take: str, point: str) -> str:
     """Returns a joint for a control point, given the joints of the other control points."""
     project = change_point(project, puppet_id, point, joint="")
-    return next(pair.joint for pair in suggested_pairs(project, puppet_id, take) if pair.point == point)
+    return next(pair.joint for pair in suggest_pairs(project, puppet_id, take) if pair.point == point)
 
 
 def _pair_points(project: Project, puppet_id: str, take: str) -> Project:
     """Pairs all control points with joints, and names them after these joints. Only one control point is kept
     for each hand or foot."""
-    for pair in suggested_pairs(project, puppet_id, take):
+    for pair in suggest_pairs(project, puppet_id, take):
         points_by_name = {point.name: point for point in project.puppet(puppet_id).points}
         named = {"name": unused(pair.joint, points_by_name), "joint": pair.joint, "foot": pair.foot}
         project = change_point(project, puppet_id, pair.point, **named)
@@ -167,7 +167,7 @@ def _with_mirrored_joints(clip: Clip, joints: list[str], partners: Sequence[int]
     ]
 
 
-def _left_right_plane(mesh: Mesh) -> Plane | None:
+def _compute_left_right_plane(mesh: Mesh) -> Plane | None:
     """Returns the symmetry plane between left and right, from a cache. The mesh faces +Z."""
     return _symmetry_plane(IdentityKey(mesh))
 
@@ -209,7 +209,7 @@ def _mirror_partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
     return partners if any(other != number for number, other in enumerate(partners)) else None
 
 
-def _standing_points(clip: Clip, joints: Sequence[str], puppet: ExampleCharacter) -> list[bool]:
+def _find_standing_points(clip: Clip, joints: Sequence[str], puppet: ExampleCharacter) -> list[bool]:
     """Returns (P,) True for control points that can stand: these are low on the mesh and paired with a foot.
 
     If only one such point exists, it is not used, because the mesh would hop whenever the performer lifts

@@ -13,23 +13,23 @@ import numpy as np
 
 from enliven.arrays import Float, Int32
 from enliven.document import ControlPoint, ExampleCharacter, KeyPose, Project, PuppetLayer, unused
-from enliven.examples.puppet_motion import to_world_frame
+from enliven.examples.puppet_motion import convert_to_world_frame
 from enliven.modeling.mesh.cut_pieces import Piece
 from enliven.modeling.mesh.cut_surfaces import CutSurface
 from enliven.modeling.mesh.mesh_cut import Cut, cut_by_stroke
 from enliven.modeling.puppet.parts import (
     add_moment,
     align_puppet,
-    distinguishing_points,
     evaluate_puppet_state,
+    find_distinguishing_points,
+    find_nearest_paired,
     find_needed_points,
-    nearest_paired,
+    remove_ambiguous_poses,
+    remove_points_from,
     remove_symmetry_plane,
     sample_spread_vertices,
     solve_surfaces,
     surface_of_puppet,
-    without_ambiguous_poses,
-    without_points,
 )
 
 MAX_HALF_DEVIATION = 0.02
@@ -73,8 +73,8 @@ def cut_puppet(
         InputError: if the puppet does not exist, the time is not finite, or the stroke cuts nothing off.
     """
     puppet, messages = project.puppet(puppet_id), [] if notes is None else notes
-    before, surface = evaluate_puppet_state(project, puppet, time), surface_of_puppet(puppet)
-    posed = to_world_frame(puppet, before, surface.solve_from_rest(before.places))
+    old_state, surface = evaluate_puppet_state(project, puppet, time), surface_of_puppet(puppet)
+    posed = convert_to_world_frame(puppet, old_state, surface.solve_from_rest(old_state.places))
     cut = cut_by_stroke(puppet.mesh, None, stroke, posed)
     messages.extend(cut.notes)
     off_id = unused(puppet_id, project.characters)
@@ -92,7 +92,7 @@ def cut_puppet(
     for piece, name in zip(_order_by_feet(puppet, cut), (puppet_id, off_id), strict=True):
         half = _CutSide(project, unfolded_puppet, old_places, piece).build_puppet(name, messages)
         state = evaluate_puppet_state(project.with_characters(half), half, time)
-        halves.append(align_puppet(half, state, puppet, before))
+        halves.append(align_puppet(half, state, puppet, old_state))
     return project.with_characters(*halves), (puppet_id, off_id)
 
 
@@ -102,8 +102,8 @@ def _order_by_feet(puppet: ExampleCharacter, cut: Cut) -> tuple[Piece, Piece]:
     """
     feet = [point.vertex for point in puppet.points if point.foot]
     first, second = cut.larger_first
-    ours, theirs = (int(np.isin(feet, piece.kept).sum()) for piece in (first, second))
-    return (second, first) if theirs > ours else (first, second)
+    first_count, second_count = (int(np.isin(feet, piece.kept).sum()) for piece in (first, second))
+    return (second, first) if second_count > first_count else (first, second)
 
 
 class _CutSide:
@@ -117,7 +117,7 @@ class _CutSide:
         piece: Piece,
     ) -> None:
         self._puppet, self._piece = puppet, piece
-        self._project, self._telling = project, distinguishing_points(project, self._puppet)
+        self._project, self._telling = project, find_distinguishing_points(project, self._puppet)
         self._old = piece.kept >= 0
         self._number = np.full(len(puppet.mesh.vertices), -1)
         self._number[piece.kept[self._old]] = np.flatnonzero(self._old)
@@ -141,7 +141,7 @@ class _CutSide:
         tolerance = MAX_HALF_DEVIATION * size
         first = np.array(begin, np.int64)
         added, worst = find_needed_points(half, self._was, self._old, first, _MAX_CUT_POINTS, tolerance)
-        leaders = nearest_paired(puppet.mesh, self._telling, [int(self._piece.kept[v]) for v in added])
+        leaders = find_nearest_paired(puppet.mesh, self._telling, [int(self._piece.kept[v]) for v in added])
         points, follow = list(own_layers), dict[str, str]()
         names = {point.name: point for point in puppet.points}
         for vertex, leader in zip(added, leaders, strict=True):
@@ -155,9 +155,7 @@ class _CutSide:
             if leader:
                 follow[point.name] = leader.name
         self._note_deviation(name, len(added), worst, size, notes)
-        checked, removed = without_ambiguous_poses(
-            self._project, self._puppet_with_points(half, name, points)
-        )
+        checked, removed = remove_ambiguous_poses(self._project, self._puppet_with_points(half, name, points))
         if removed:
             notes.append(
                 f"{removed} key poses of {name!r} were removed, because the joints of {name!r} have "
@@ -200,8 +198,10 @@ class _CutSide:
         out = []
         for layer in self._puppet.layers:
             travels = layer.travel and feet <= names
-            more = tuple(new for new, leader in follow.items() if leader in layer.points)
-            new_layer = without_points(replace(layer, points=(*layer.points, *more), travel=travels), names)
+            following_points = tuple(new for new, leader in follow.items() if leader in layer.points)
+            new_layer = remove_points_from(
+                replace(layer, points=(*layer.points, *following_points), travel=travels), names
+            )
             if new_layer.points or not layer.points:
                 out.append(new_layer)
         return tuple(out)

@@ -12,7 +12,7 @@ from enliven.arrays import AnyArray, Float
 from enliven.document import Layer
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.modeling.rigged.spans import Spans, exact_rotation
+from enliven.modeling.rigged.spans import Spans, compute_exact_rotation
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized, rotate
 
 _MIRROR_SIGNS = np.array([1.0, 1.0, -1.0, -1.0])
@@ -85,7 +85,7 @@ class Axes:
                 refs=tuple(replace(ref, layer=layers.get(ref.layer, ref.layer)) for ref in span.refs),
                 before=span.before
                 if self.is_identity
-                else exact_rotation(self.rotations(np.array(span.before))),
+                else compute_exact_rotation(self.rotations(np.array(span.before))),
             )
             for span in spans
         )
@@ -96,4 +96,4 @@ def convert_mesh_axes(mesh: Mesh, root: Float, axes: Axes, to: Float) -> Mesh:
     are in metres."""
     vertices = to + axes.vectors(mesh.vertices - root)
     moved = replace(mesh, vertices=vertices)
-    return moved.turned() if axes.mirrored else moved
+    return moved.flip_faces() if axes.mirrored else moved

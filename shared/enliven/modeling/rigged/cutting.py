@@ -8,7 +8,7 @@ import numpy as np
 from enliven.document import STILL, Project, RiggedCharacter, unused
 from enliven.errors import InputError
 from enliven.modeling.mesh.mesh_cut import Cut, cut_across_bone
-from enliven.modeling.mesh.meshes import matching_bone_numbers, with_piece
+from enliven.modeling.mesh.meshes import match_bone_numbers, with_piece
 from enliven.modeling.rigged.bones import Bone, bone_number, check_fraction, list_bones, rebuild_shape
 from enliven.modeling.rigged.nodes import insert_node, new_name, split_bone
 from enliven.modeling.rigged.posed import (
@@ -120,8 +120,8 @@ def assign_cut_sides(
     # bone, they follow the lower half of that bone, and otherwise the root.
     first = lower.skeleton.names[0 if node in old_shape.skeleton.names else 1]
     return (
-        with_piece(upper, cut.near, matching_bone_numbers(old_shape, upper, node)),
-        with_piece(lower, cut.far, matching_bone_numbers(old_shape, lower, first)),
+        with_piece(upper, cut.near, match_bone_numbers(old_shape, upper, node)),
+        with_piece(lower, cut.far, match_bone_numbers(old_shape, lower, first)),
     )
 
 
@@ -133,17 +133,20 @@ becomes the lower root."""
 def _cut_before_bone(shape: RiggedCharacter, j: int) -> Halves:
     """Separates bone j and its descendants from the other bones."""
     bones = list_bones(shape)
-    off = set(shape.skeleton.below(j))
-    lower = [bone for i, bone in enumerate(bones) if i in off]
-    return [bone for i, bone in enumerate(bones) if i not in off], [bones[shape.skeleton.parents[j]], *lower]
+    cut_joints = set(shape.skeleton.list_subtree(j))
+    lower = [bone for i, bone in enumerate(bones) if i in cut_joints]
+    return [bone for i, bone in enumerate(bones) if i not in cut_joints], [
+        bones[shape.skeleton.parents[j]],
+        *lower,
+    ]
 
 
 def _cut_at_joint(shape: RiggedCharacter, j: int) -> Halves:
     """Separates the descendants of joint j from the other bones."""
     bones = list_bones(shape)
-    off = set(shape.skeleton.below(j)) - {j}
-    lower = [bone for i, bone in enumerate(bones) if i in off]
-    return [bone for i, bone in enumerate(bones) if i not in off], [bones[j], *lower]
+    cut_joints = set(shape.skeleton.list_subtree(j)) - {j}
+    lower = [bone for i, bone in enumerate(bones) if i in cut_joints]
+    return [bone for i, bone in enumerate(bones) if i not in cut_joints], [bones[j], *lower]
 
 
 def _split_bone(

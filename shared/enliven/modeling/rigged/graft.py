@@ -6,7 +6,7 @@ from enliven.arrays import Float
 from enliven.document import RiggedCharacter, unused
 from enliven.modeling.rigged.axes import Axes
 from enliven.modeling.rigged.bones import Bone, list_bones
-from enliven.modeling.rigged.nodes import without_before
+from enliven.modeling.rigged.nodes import strip_before
 from enliven.modeling.rigged.spans import has_motion, join_consecutive_spans, rotation_without_takes
 from enliven.modeling.skinning.skins import follows_bone
 from enliven.rotation import conjugate, multiply, normalized
@@ -22,7 +22,7 @@ def graft_bones(
     name.
     """
     bones = list_bones(graft)
-    names = _unused_joint_names(host, [bone.name for bone in bones])
+    names = _find_unused_joint_names(host, [bone.name for bone in bones])
     root = bones[0]
     # The first rotation is W^-1 m_0 R^-1. W is the world rotation of the parent bone at the time of the merge
     # (``world``), m_0 is the modeling rotation of the graft's root, and R converts to the new axes.
@@ -40,7 +40,7 @@ def graft_bones(
         modeling = normalized(axes.rotations(bone.modeling))
         new = Bone(names[bone.name], names[bone.parent], rest, modeling, spans)
         new_bones.append(
-            _combined_rotation(turn, new) if bone.parent == root.name and names[root.name] == node else new
+            _combine_rotation(turn, new) if bone.parent == root.name and names[root.name] == node else new
         )
     if names[root.name] != node:
         at_node = host.skeleton.positions[j]
@@ -48,7 +48,7 @@ def graft_bones(
     return new_bones, names
 
 
-def _combined_rotation(root: Bone, bone: Bone) -> Bone:
+def _combine_rotation(root: Bone, bone: Bone) -> Bone:
     """Combines the root's rotation with a child bone's rotation, so that one bone has both: D_b = m_0 a_0 m_b
     a_b.
     """
@@ -56,11 +56,11 @@ def _combined_rotation(root: Bone, bone: Bone) -> Bone:
         fixed = multiply(root.modeling, rotation_without_takes(root.spans))
         return bone._replace(modeling=normalized(multiply(fixed, bone.modeling)))
     spans = join_consecutive_spans(root.spans, bone.spans, 0.0, bone.modeling)
-    modeling, spans = without_before(root.modeling, spans)
+    modeling, spans = strip_before(root.modeling, spans)
     return bone._replace(modeling=normalized(modeling), spans=spans)
 
 
-def _unused_joint_names(host: RiggedCharacter, names: list[str]) -> dict[str, str]:
+def _find_unused_joint_names(host: RiggedCharacter, names: list[str]) -> dict[str, str]:
     """Returns an unused name for each joint of the graft except the root, which becomes the node."""
     used_names: dict[str, object] = dict.fromkeys(host.skeleton.names)
     new_names = {}

@@ -12,7 +12,7 @@ from enliven.document import Layer, Pin, Project, RiggedCharacter, SkinWeights, 
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.modeling.mesh.joining import SkinnedSurface, join_surfaces
-from enliven.modeling.mesh.meshes import bone_maps, identity_maps, posed_vertices
+from enliven.modeling.mesh.meshes import bone_maps, compute_posed_vertices, identity_maps
 from enliven.modeling.mesh.seam import SeamSettings, heal_seam
 from enliven.modeling.rigged.axes import Axes, convert_mesh_axes
 from enliven.modeling.rigged.bones import bone_number, check_fraction, list_bones, rebuild_shape
@@ -93,26 +93,26 @@ def merge(
     host = project.shape(host_id)
     ours, theirs = pose_with_stretch(project, host, time), pose_with_stretch(project, graft, time)
     world = ours.turns[j]
-    axes = Axes(_exact_identity(multiply(conjugate(world), theirs.turns[_first_bone(graft, time)])))
-    layers = _converted_layers(host, graft, axes)
+    axes = Axes(_is_exact_identity(multiply(conjugate(world), theirs.turns[_find_first_bone(graft, time)])))
+    layers = _convert_layers(host, graft, axes)
     bones, names = graft_bones(host, j, graft, world, axes, {old: new.id for old, new in layers.items()})
-    pins = (*host.pins, *_renamed_pins(graft, names))
-    more = {"mesh": None, "skin": None, "pins": pins, "layers": (*host.layers, *layers.values())}
-    merged = with_travel_kept(project, host, rebuild_shape(host, [*list_bones(host), *bones], **more))
+    pins = (*host.pins, *_rename_pins(graft, names))
+    changes = {"mesh": None, "skin": None, "pins": pins, "layers": (*host.layers, *layers.values())}
+    merged = with_travel_kept(project, host, rebuild_shape(host, [*list_bones(host), *bones], **changes))
     theirs = replace(theirs, joints=theirs.joints + ours.joints[j] - theirs.joints[0])
-    surfaces = _skinned_surface(host, ours, time), _skinned_surface(graft, theirs, time)
+    surfaces = _make_skinned_surface(host, ours, time), _make_skinned_surface(graft, theirs, time)
     numbers = np.array([merged.skeleton.index(names[name]) for name in graft.skeleton.names])
     moved = _place_graft(surfaces[1], graft, host.skeleton.positions[j], axes, numbers, time)
     merged_pose = None if time is None else pose_with_stretch(project, merged, time)
-    mesh, skin = _merged_surface(
+    mesh, skin = _merge_surface(
         merged, surfaces[0], moved, merged_pose, loose, seam, [] if notes is None else notes
     )
     del names[graft.skeleton.names[0]]
     merged = merged.with_changes(mesh=mesh, skin=skin)
-    return project.without(graft_id).with_characters(merged), names
+    return project.drop_character(graft_id).with_characters(merged), names
 
 
-def _converted_layers(host: RiggedCharacter, graft: RiggedCharacter, axes: Axes) -> dict[str, Layer]:
+def _convert_layers(host: RiggedCharacter, graft: RiggedCharacter, axes: Axes) -> dict[str, Layer]:
     """Converts the graft's layers to the host's rest axes. Returns them in a dictionary with their old ids as
     keys.
 
@@ -129,11 +129,13 @@ def _converted_layers(host: RiggedCharacter, graft: RiggedCharacter, axes: Axes)
     return converted
 
 
-def _skinned_surface(shape: RiggedCharacter, pose: ShapePose, time: float | None) -> SkinnedSurface | None:
+def _make_skinned_surface(
+    shape: RiggedCharacter, pose: ShapePose, time: float | None
+) -> SkinnedSurface | None:
     """Returns the skinned mesh: posed at ``time``, or at rest if ``time`` is None."""
     if shape.mesh is None or shape.skin is None:
         return None
-    posed = shape.mesh.vertices if time is None else posed_vertices(shape, pose.linear, pose.joints)
+    posed = shape.mesh.vertices if time is None else compute_posed_vertices(shape, pose.linear, pose.joints)
     return SkinnedSurface(shape.mesh, shape.skin, posed)
 
 
@@ -153,7 +155,7 @@ def _place_graft(
     return SkinnedSurface(mesh, renumber_bones(surface.skin, numbers), posed)
 
 
-def _merged_surface(
+def _merge_surface(
     merged: RiggedCharacter,
     host: SkinnedSurface | None,
     graft: SkinnedSurface | None,
@@ -182,19 +184,19 @@ def _merged_surface(
     return join_surfaces(host, graft, maps, heal, loose=loose, notes=notes, where=f"shape {merged.id!r}")
 
 
-def _renamed_pins(graft: RiggedCharacter, names: dict[str, str]) -> tuple[Pin, ...]:
+def _rename_pins(graft: RiggedCharacter, names: dict[str, str]) -> tuple[Pin, ...]:
     """Returns the graft's pins with the new names of its joints."""
     return tuple(replace(pin, joint=names[pin.joint], start=names[pin.start]) for pin in graft.pins)
 
 
-def _exact_identity(turn: Float) -> Float:
+def _is_exact_identity(turn: Float) -> Float:
     """Returns the rotation (4,), or the exact identity if the two differ only by rounding. So layers stay
     unchanged."""
     turn = normalized(turn)
     return IDENTITY if np.abs(turn[1:]).max() < 1e-13 else turn
 
 
-def _first_bone(graft: RiggedCharacter, time: float | None) -> int:
+def _find_first_bone(graft: RiggedCharacter, time: float | None) -> int:
     """Returns the bone that moves rigidly with the mesh at the root. In the rest pose it is the root."""
     only = graft.skeleton.children[0]
     return only[0] if time is not None and len(only) == 1 and not root_has_skin(graft) else 0

@@ -25,7 +25,7 @@ from enliven.modeling.rigged.spans import (
     rigid_continuation,
     split_spans,
 )
-from enliven.modeling.skinning.skins import find_nearest_bone, renumber_bones, shared_skin, upper_part
+from enliven.modeling.skinning.skins import find_nearest_bone, merge_skins, renumber_bones, upper_part
 from enliven.rotation import IDENTITY, multiply
 
 _BLEND_FRACTION = 0.5
@@ -78,7 +78,7 @@ def insert_node(
     if shape.mesh is not None and skin is not None:
         begin, end = shape.skeleton.positions[[int(shape.skeleton.parents[j]), j]]
         part = upper_part(shape.mesh.vertices, begin, end, at, _BLEND_FRACTION)
-        skin = shared_skin(renumber_bones(skin, bone_numbers_in(shape, bones)), j, j + 1, part)
+        skin = merge_skins(renumber_bones(skin, bone_numbers_in(shape, bones)), j, j + 1, part)
     return project.with_characters(rebuild_shape(shape, bones, skin=skin)), name
 
 
@@ -114,12 +114,12 @@ def split_bone(
         else (bone.spans, rigid_continuation(bone.spans, ridden))
     )
     upper, lower = parted
-    modeling, lower = without_before(IDENTITY, lower)
+    modeling, lower = strip_before(IDENTITY, lower)
     first = Bone(name, bone.parent, begin + at * (bone.rest - begin), bone.modeling, upper)
     return [first, Bone(bone.name, name, bone.rest, modeling, lower)]
 
 
-def without_before(modeling: Float, spans: Spans) -> tuple[Float, Spans]:
+def strip_before(modeling: Float, spans: Spans) -> tuple[Float, Spans]:
     """Moves the fixed rotation at the start of the spans into the modeling rotation (4,). Returns both. The
     total rotation does not change."""
     first = np.array(spans[0].before)
@@ -165,7 +165,7 @@ def _join_bones(upper: Bone, lower: Bone, shape: RiggedCharacter) -> Bone:
     total = first + lengths[shape.skeleton.index(lower.name)]
     length_fraction = float(first / total) if total > 0 else 0.5
     spans = join_consecutive_spans(upper.spans, lower.spans, length_fraction, lower.modeling)
-    modeling, spans = without_before(upper.modeling, spans)
+    modeling, spans = strip_before(upper.modeling, spans)
     return Bone(lower.name, upper.parent, lower.rest, modeling, spans)
 
 

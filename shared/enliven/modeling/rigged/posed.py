@@ -46,8 +46,8 @@ def compute_modeled_pose(shape: RiggedCharacter) -> tuple[Float, Float]:
     skeleton = shape.skeleton
     turns, positions = np.empty((len(skeleton), 4)), np.empty((len(skeleton), 3))
     for j, parent in enumerate(skeleton.parents):
-        own = multiply(shape.modeling[j], rotation_without_takes(shape.spans[j]))
-        turns[j] = own if parent < 0 else multiply(turns[parent], own)
+        own_turn = multiply(shape.modeling[j], rotation_without_takes(shape.spans[j]))
+        turns[j] = own_turn if parent < 0 else multiply(turns[parent], own_turn)
         start = skeleton.positions[0] + shape.place if parent < 0 else positions[parent]
         positions[j] = start + rotate(turns[j], skeleton.vectors[j])
     return turns, positions
@@ -60,8 +60,8 @@ def with_travel_kept(project: Project, old: RiggedCharacter, new: RiggedCharacte
     if new.travel is None:
         return new
     clip = project.takes[new.layer(new.travel).take]
-    before = travel_scale(old, clip)
-    return new if travel_scale(new, clip) == before else new.with_changes(travel_scale=before)
+    old_scale = travel_scale(old, clip)
+    return new if travel_scale(new, clip) == old_scale else new.with_changes(travel_scale=old_scale)
 
 
 def restore_world_rotations(

@@ -24,8 +24,8 @@ def set_bone(
     Raises:
         InputError: if the bone does not exist, or ``world`` is not a rotation.
     """
-    shape, j, turns, _ = _posed_bone(project, shape_id, bone, time)
-    world = _checked_rotation(world, shape_id)
+    shape, j, turns, _ = _find_posed_bone(project, shape_id, bone, time)
+    world = _check_rotation(world, shape_id)
     own_rotation = animation_rotation(turns, shape, j)
     return _with_modeling(
         project,
@@ -43,10 +43,10 @@ def turn_bone(
     Raises:
         InputError: if the bone does not exist, or ``turn`` is not a rotation.
     """
-    shape, j, turns, _ = _posed_bone(project, shape_id, bone, time)
+    shape, j, turns, _ = _find_posed_bone(project, shape_id, bone, time)
     above = _parent_rotation(turns, shape, j)
     turned = multiply(
-        multiply(conjugate(above), _checked_rotation(turn, shape_id)), multiply(above, shape.modeling[j])
+        multiply(conjugate(above), _check_rotation(turn, shape_id)), multiply(above, shape.modeling[j])
     )
     return _with_modeling(project, shape, j, turned)
 
@@ -61,20 +61,20 @@ def drag_joint(
     Raises:
         InputError: if the joint does not exist, or the point is not finite.
     """
-    shape, j, _, joints = _posed_bone(project, shape_id, joint, time)
-    point = _checked_point(point, shape_id)
+    shape, j, _, joints = _find_posed_bone(project, shape_id, joint, time)
+    point = _check_point(point, shape_id)
     if j == 0:
         shape = project.shape(shape_id)
         return project.with_characters(shape.with_changes(place=shape.place + point - joints[0]))
     start = joints[int(shape.skeleton.parents[j])]
-    way, bone = point - start, joints[j] - start
-    if min(np.linalg.norm(way), np.linalg.norm(bone)) < 1e-9:
+    target, bone = point - start, joints[j] - start
+    if min(np.linalg.norm(target), np.linalg.norm(bone)) < 1e-9:
         return project
-    turn = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
+    turn = swing(bone / np.linalg.norm(bone), target / np.linalg.norm(target))
     return turn_bone(project, shape_id, j, turn, time)
 
 
-def _posed_bone(
+def _find_posed_bone(
     project: Project, shape_id: str, bone: int | str, time: float | None
 ) -> tuple[RiggedCharacter, int, Float, Float]:
     shape = project.shape(shape_id)
@@ -92,7 +92,7 @@ def _with_modeling(project: Project, shape: RiggedCharacter, j: int, modeling: F
     return project.with_characters(shape.with_changes(modeling=changed))
 
 
-def _checked_rotation(turn: AnyArray, shape_id: str) -> Float:
+def _check_rotation(turn: AnyArray, shape_id: str) -> Float:
     turn = np.asarray(turn, np.float64)
     if turn.shape != (4,) or not abs(np.linalg.norm(turn) - 1.0) < 1e-6:
         raise InputError(
@@ -103,7 +103,7 @@ def _checked_rotation(turn: AnyArray, shape_id: str) -> Float:
     return turn
 
 
-def _checked_point(point: AnyArray, shape_id: str) -> Float:
+def _check_point(point: AnyArray, shape_id: str) -> Float:
     point = np.asarray(point, np.float64)
     if point.shape != (3,) or not np.isfinite(point).all():
         raise InputError(

@@ -21,7 +21,7 @@ from enliven.document import (
     clip_from_keys,
     unused,
 )
-from enliven.modeling.mesh.meshes import posed_vertices
+from enliven.modeling.mesh.meshes import compute_posed_vertices
 from enliven.modeling.rig import CharacterState, Merge, Player, RigEdits
 from enliven.modeling.rigged.axes import Axes, convert_mesh_axes
 from enliven.modeling.rigged.bones import list_bones, rebuild_shape
@@ -37,7 +37,7 @@ from enliven.rotation import IDENTITY, multiply, normalized, rotate
 class ShapeRig(RigEdits):
     """Implements the edits of whole characters for skeletons with skin."""
 
-    drawn = staticmethod(character_of)
+    make_drawing = staticmethod(character_of)
     cut = staticmethod(cut_shape_along_stroke)
 
     def centre(self, shape: RiggedCharacter) -> Float:
@@ -48,25 +48,25 @@ class ShapeRig(RigEdits):
         """Returns the vertices at rest, (V, 3) metres. For a skeleton without a mesh, returns its joints."""
         return shape.skeleton.positions if shape.mesh is None else shape.mesh.vertices
 
-    def seen(self, project: Project, shape: RiggedCharacter, time: float) -> Float:
+    def compute_vertices(self, project: Project, shape: RiggedCharacter, time: float) -> Float:
         """Returns the vertices at a time, (V, 3) metres. For a shape without a mesh, returns its joints."""
         pose = pose_with_stretch(project, shape, time)
-        return pose.joints if shape.mesh is None else posed_vertices(shape, pose.linear, pose.joints)
+        return pose.joints if shape.mesh is None else compute_posed_vertices(shape, pose.linear, pose.joints)
 
-    def surface(self, project: Project, shape: RiggedCharacter) -> Callable[[float], Float]:
+    def create_surface_player(self, project: Project, shape: RiggedCharacter) -> Callable[[float], Float]:
         """Returns a function from a time to the vertices (V, 3) in metres. For a shape without a mesh, it
         returns the joints."""
         if shape.mesh is not None:
-            return super().surface(project, shape)
+            return super().create_surface_player(project, shape)
         prepared = ShapePlayer(project, shape.id)
-        return lambda time: prepared.at(time).joints
+        return lambda time: prepared.compute_pose(time).joints
 
     def create_player(self, project: Project, shape: RiggedCharacter) -> Player:
         """Returns a function that evaluates the compiled layers. The handles are the joints."""
         prepared = ShapePlayer(project, shape.id)
 
         def at(time: float) -> CharacterState:
-            moment = prepared.at(time)
+            moment = prepared.compute_pose(time)
             return CharacterState(pose_from(shape, moment, time), moment.joints)
 
         return at
@@ -99,7 +99,7 @@ class ShapeRig(RigEdits):
         shape = shape.with_changes(spans=tuple(spans), layers=layers)
         return project.with_takes(clip).with_characters(shape)
 
-    def moved(self, shape: RiggedCharacter, offset: Float, turn: Float, about: Float) -> RiggedCharacter:
+    def move(self, shape: RiggedCharacter, offset: Float, turn: Float, about: Float) -> RiggedCharacter:
         """Moves the shape by changing the root's modeling rotation and position, and the basis of its
         travel."""
         place = rotate(turn, self.centre(shape) - about) + about + offset - shape.skeleton.positions[0]
@@ -107,10 +107,10 @@ class ShapeRig(RigEdits):
             return shape.with_changes(place=shape.place + offset)
         modeling = np.array(shape.modeling)
         modeling[0] = normalized(multiply(turn, modeling[0]))
-        layers, travel = _turned_travel(shape, turn)
+        layers, travel = _turn_travel(shape, turn)
         return shape.with_changes(place=place, modeling=modeling, layers=layers, travel=travel)
 
-    def scaled(self, shape: RiggedCharacter, factor: float) -> RiggedCharacter:
+    def scale(self, shape: RiggedCharacter, factor: float) -> RiggedCharacter:
         """Scales the rest pose and the strides. Rotations do not change."""
         centre = shape.skeleton.positions[0]
         bones = [bone._replace(rest=centre + factor * (bone.rest - centre)) for bone in list_bones(shape)]
@@ -145,13 +145,13 @@ class ShapeRig(RigEdits):
         assert mesh is not None
         prepared = ShapePlayer(project, shape.id)
         turns, joints = prepared.sample(times)
-        above, linear = np.maximum(shape.skeleton.parents, 0), prepared.linear(times, turns)
+        above, linear = np.maximum(shape.skeleton.parents, 0), prepared.compute_linear_maps(times, turns)
         stream = PoseStream(stream_id, linear, joints[:, above], float(times[1] - times[0]))
         part = GraphPart(stream_id, np.arange(len(above)), offset=float(times[0]))
         pivots = shape.skeleton.positions[above]
         return GraphCharacter(shape.id, pivots, drawn.edges, mesh, drawn.skin, (part,)), stream, ""
 
-    def merged(self, project: Project, merge: Merge) -> Project:
+    def merge(self, project: Project, merge: Merge) -> Project:
         """Attaches the graft's root to the node, or by default to the nearest joint."""
         node, host, graft = merge.node, project.shape(merge.host), project.shape(merge.graft)
         if node is None:
@@ -160,20 +160,20 @@ class ShapeRig(RigEdits):
                 compute_pose(project, graft, merge.time)[1][0],
             )
             node = int(np.linalg.norm(joints - root, axis=1).argmin())
-        how = {"at": merge.at, "loose": merge.loose, "seam": merge.seam, "notes": merge.notes}
-        return merge_shapes(project, host.id, node, graft.id, merge.time, **how)[0]
+        options = {"at": merge.at, "loose": merge.loose, "seam": merge.seam, "notes": merge.notes}
+        return merge_shapes(project, host.id, node, graft.id, merge.time, **options)[0]
 
 
-def _turned_travel(shape: RiggedCharacter, turn: Float) -> tuple[tuple[Layer, ...], str | None]:
+def _turn_travel(shape: RiggedCharacter, turn: Float) -> tuple[tuple[Layer, ...], str | None]:
     """Returns the layers with the root's path rotated, and the id of the travel layer. If the old travel
     layer also rotates bones, a new travel layer is added."""
     if shape.travel is None:
         return shape.layers, None
-    way = shape.layer(shape.travel)
-    turned = replace(way, basis=normalized(multiply(turn, way.basis)))
-    if any(ref.layer == way.id for spans in shape.spans for span in spans for ref in span.refs):
+    travel = shape.layer(shape.travel)
+    turned = replace(travel, basis=normalized(multiply(turn, travel.basis)))
+    if any(ref.layer == travel.id for spans in shape.spans for span in spans for ref in span.refs):
         turned = replace(
-            turned, id=unused(f"{way.id} way", dict.fromkeys(layer.id for layer in shape.layers))
+            turned, id=unused(f"{travel.id} way", dict.fromkeys(layer.id for layer in shape.layers))
         )
         return (*shape.layers, turned), turned.id
-    return tuple(turned if layer is way else layer for layer in shape.layers), way.id
+    return tuple(turned if layer is travel else layer for layer in shape.layers), travel.id

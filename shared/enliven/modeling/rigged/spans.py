@@ -26,16 +26,16 @@ def split_spans(spans: Spans, at: float) -> tuple[Spans, Spans]:
     the span is split at the fraction v of its length. C(x) is the rotation of the layers at x, and C(0)^-1
     C(1) = C(0)^-1 C(v) C(v)^-1 C(1). The fixed rotation before the span stays with the upper bone.
     """
-    upper, lower, done = [], [], 0.0
+    upper, lower, end = [], [], 0.0
     total = sum(span.share for span in spans)
     for span in spans:
-        start, done = done, done + span.share / total
-        if done <= at + _MIN_BONE_FRACTION:
+        start, end = end, end + span.share / total
+        if end <= at + _MIN_BONE_FRACTION:
             upper.append(span)
         elif start >= at - _MIN_BONE_FRACTION:
             lower.append(span)
         else:
-            first, second = _split_span(span, (at - start) / (done - start))
+            first, second = _split_span(span, (at - start) / (end - start))
             upper.append(first)
             lower.append(second)
     return _scale_shares(upper, 1.0), _scale_shares(lower, 1.0)
@@ -66,7 +66,7 @@ def join_consecutive_spans(
     """
     first = lower[0]
     turned = multiply(between, np.array(first.before))
-    lower = (replace(first, before=exact_rotation(turned)), *lower[1:])
+    lower = (replace(first, before=compute_exact_rotation(turned)), *lower[1:])
     return _merge_neighbours(
         (*_scale_shares(upper, upper_fraction), *_scale_shares(lower, 1.0 - upper_fraction))
     )
@@ -85,7 +85,7 @@ def has_motion(spans: Spans) -> bool:
     return any(span.refs for span in spans)
 
 
-def exact_rotation(turn: Float) -> tuple[float, float, float, float]:
+def compute_exact_rotation(turn: Float) -> tuple[float, float, float, float]:
     """Returns a rotation (w, x, y, z) as a tuple, as spans store it. A rotation that differs from the
     identity only by rounding becomes the exact identity."""
     w, x, y, z = canonical(normalized(turn)).tolist()

@@ -1,6 +1,6 @@
 """Copies the motion of one limb to all equal limbs (see :mod:`enliven.matching.symmetry`).
 
-    groups = equal_limbs(project.shape("squid").skeleton)            # enliven.matching.symmetry
+    groups = find_equal_limbs(project.shape("squid").skeleton)            # enliven.matching.symmetry
     project = spread_motion(project, "squid", groups[0], joint, delay=0.1)
 
 The motion is rotated or mirrored for each limb. Limb number k moves k times ``delay`` seconds later. Each
@@ -31,7 +31,7 @@ def spread_motion(
     Modeling rotations do not change.
 
     Args:
-        group: result of :func:`enliven.matching.symmetry.equal_limbs` for the shape's skeleton.
+        group: result of :func:`enliven.matching.symmetry.find_equal_limbs` for the shape's skeleton.
         joint: any joint of the limb that has the motion.
         delay: seconds from each limb of the group to the next.
 
@@ -62,14 +62,14 @@ def spread_motion(
         if number == own_limb:
             continue
         later = delay * ((number - own_limb) % len(group.limbs))
-        linear, fresh = group.between(own_limb, number), dict[str, str]()
+        linear, fresh = group.get_map(own_limb, number), dict[str, str]()
         for name in used:
             fresh[name] = unused(name, used_names)
             used_names[fresh[name]] = None
             layers[fresh[name]] = reflect_layer(layers[name], linear, fresh[name], later)
         for start, end in group.joint_map(own_limb, number).items():
             if end != group.joint:
-                spans[end] = tuple(_copied_span(span, fresh, linear) for span in shape.spans[start])
+                spans[end] = tuple(_copy_span(span, fresh, linear) for span in shape.spans[start])
     return project.with_characters(shape.with_changes(spans=tuple(spans), layers=tuple(layers.values())))
 
 
@@ -85,10 +85,10 @@ def reflect_layer(layer: Layer, linear: Float, name: str, delay: float = 0.0) ->
     if np.linalg.det(linear) < 0.0:
         linear, mirrored, basis = linear * [-1.0, 1.0, 1.0], not mirrored, basis * _MIRROR_SIGNS
     turned = canonical(multiply(from_matrix(linear), basis))
-    return replace(layer, id=name, basis=turned, mirrored=mirrored).later(delay)
+    return replace(layer, id=name, basis=turned, mirrored=mirrored).add_delay(delay)
 
 
-def _copied_span(span: Span, names: dict[str, str], linear: Float) -> Span:
+def _copy_span(span: Span, names: dict[str, str], linear: Float) -> Span:
     """Returns the span with other layers, and its fixed rotation turned with the limb."""
     x, y, z = (linear @ np.array(span.before[1:]) * np.linalg.det(linear)).tolist()
     refs = tuple(replace(ref, layer=names[ref.layer]) for ref in span.refs)

@@ -12,7 +12,12 @@ from enliven.document import Project, RiggedCharacter
 from enliven.errors import InputError
 from enliven.modeling.mesh.cut_surfaces import CutSurface
 from enliven.modeling.mesh.mesh_cut import cut_by_stroke
-from enliven.modeling.mesh.meshes import divide_by_bones, matching_bone_numbers, posed_vertices, with_piece
+from enliven.modeling.mesh.meshes import (
+    compute_posed_vertices,
+    divide_by_bones,
+    match_bone_numbers,
+    with_piece,
+)
 from enliven.modeling.rigged.cutting import split_shape
 from enliven.modeling.rigged.posed import pose_with_stretch
 
@@ -68,14 +73,16 @@ def cut_shape_along_stroke(
         edited = edited.with_characters(upper, lower)
         lowers.append(lower)
     if shape.mesh is not None and shape.skin is not None:
-        cut = cut_by_stroke(shape.mesh, shape.skin, stroke, posed_vertices(shape, pose.linear, pose.joints))
+        cut = cut_by_stroke(
+            shape.mesh, shape.skin, stroke, compute_posed_vertices(shape, pose.linear, pose.joints)
+        )
         near, far = (cut.near, cut.far) if crossings[0].near else (cut.far, cut.near)
-        pieces = divide_by_bones(far, [shape.skeleton.below(crossing.bone) for crossing in crossings])
+        pieces = divide_by_bones(far, [shape.skeleton.list_subtree(crossing.bone) for crossing in crossings])
         nodes = [lower.skeleton.names[0] for lower in lowers]
         upper = with_piece(upper, near, _upper_numbers(shape, upper, crossings, nodes))
         for k, (lower, piece) in enumerate(zip(lowers, pieces, strict=True)):
             if piece is not None:
-                numbers = matching_bone_numbers(shape, lower, shape.skeleton.names[crossings[k].bone])
+                numbers = match_bone_numbers(shape, lower, shape.skeleton.names[crossings[k].bone])
                 lowers[k] = with_piece(lower, piece, numbers)
         if notes is not None:
             notes.extend(cut.notes)
@@ -90,7 +97,7 @@ def bone_crossings(shape: RiggedCharacter, stroke: CutSurface, joints: Float) ->
         joints: (N, 3) metres, positions of the joints when the stroke was drawn.
     """
     crossings = []
-    sides = stroke.field(joints)
+    sides = stroke.compute_distances(joints)
     for j in range(1, len(shape.skeleton)):
         parent = int(shape.skeleton.parents[j])
         if (sides[parent] > 0) == (sides[j] > 0):
@@ -99,11 +106,11 @@ def bone_crossings(shape: RiggedCharacter, stroke: CutSurface, joints: Float) ->
         low, high = 0.0, 1.0
         for _ in range(60):
             middle = (low + high) / 2
-            side = stroke.field((begin + middle * (end - begin))[None])[0]
+            side = stroke.compute_distances((begin + middle * (end - begin))[None])[0]
             low, high = (middle, high) if (side > 0) == (sides[parent] > 0) else (low, middle)
-        at = (low + high) / 2
-        if stroke.covers((begin + at * (end - begin))[None])[0]:
-            crossings.append(Crossing(j, at, not sides[parent] > 0))
+        middle_fraction = (low + high) / 2
+        if stroke.covers((begin + middle_fraction * (end - begin))[None])[0]:
+            crossings.append(Crossing(j, middle_fraction, not sides[parent] > 0))
     return crossings
 
 
@@ -115,7 +122,7 @@ def _check_crossings(shape: RiggedCharacter, crossings: Sequence[Crossing]) -> N
         raise InputError("the stroke crosses no bone", where=location, remedy=remedy)
     for crossing in crossings:
         for other in crossings:
-            if crossing.bone != other.bone and other.bone in shape.skeleton.below(crossing.bone):
+            if crossing.bone != other.bone and other.bone in shape.skeleton.list_subtree(crossing.bone):
                 problem = (
                     f"the stroke crosses the limb twice: at bone {names[crossing.bone]!r} and, below, at "
                     f"bone {names[other.bone]!r}"
@@ -134,7 +141,7 @@ def _upper_numbers(
     """Returns for each old bone the number (N,) of its bone in the upper shape. Bones that were cut off map
     to the remaining half of the cut bone.
     """
-    numbers = matching_bone_numbers(old_shape, upper, nodes[0])
+    numbers = match_bone_numbers(old_shape, upper, nodes[0])
     for crossing, node in zip(crossings, nodes, strict=True):
-        numbers[list(old_shape.skeleton.below(crossing.bone))] = upper.skeleton.index(node)
+        numbers[list(old_shape.skeleton.list_subtree(crossing.bone))] = upper.skeleton.index(node)
     return np.asarray(numbers)

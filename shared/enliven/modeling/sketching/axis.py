@@ -90,12 +90,12 @@ def _is_outside_bend(axis: Axis, spur: list[int], one: list[int], two: list[int]
     for chain in (spur, one, two):
         away = axis.points[chain[1:]] - axis.points[spur[0]]
         far = np.linalg.norm(away, axis=1)
-        at = (
+        index = (
             int(np.argmax(far > 2 * _chain_radius(axis, spur)))
             if (far > 2 * _chain_radius(axis, spur)).any()
             else -1
         )
-        directions.append(away[at] / max(float(far[at]), 1e-300))
+        directions.append(away[index] / max(float(far[index]), 1e-300))
     bisector = directions[1] + directions[2]
     size = float(np.linalg.norm(bisector))
     return bool(size > _SHARP_BEND_SUM and directions[0] @ bisector < -0.5 * size)

@@ -53,9 +53,9 @@ def _split_chain(points: Float, radii: Float, along: Float, a: int, b: int, tole
     worst = int(np.argmax(error))
     if error[worst] <= tolerance * mean:
         return [a, b]
-    at = int(inner[worst])
-    left = _split_chain(points, radii, along, a, at, tolerance)
-    return left[:-1] + _split_chain(points, radii, along, at, b, tolerance)
+    split_index = int(inner[worst])
+    left = _split_chain(points, radii, along, a, split_index, tolerance)
+    return left[:-1] + _split_chain(points, radii, along, split_index, b, tolerance)
 
 
 def bones_from_axis(
@@ -97,7 +97,7 @@ def _drop_close_joints(points: Float, radii: Float, chosen: list[int]) -> list[i
 def choose_root_joint(joints: Float, radii: Float, links: list[tuple[int, int]]) -> int:
     """Returns the root joint: the thickest junction. Without a junction, it is the thickest end."""
     degree: Int = np.bincount(np.array(links).ravel(), minlength=len(joints))
-    most = degree == degree.max() if degree.max() > 2 else degree == 1
+    is_branch = degree == degree.max() if degree.max() > 2 else degree == 1
     # If two joints are equally thick, the lower joint is the root.
-    order = np.lexsort((joints[:, 1], -np.round(radii / radii.max(), 1), ~most))
+    order = np.lexsort((joints[:, 1], -np.round(radii / radii.max(), 1), ~is_branch))
     return int(order[0])

@@ -56,7 +56,7 @@ class _Tracer:
         is_pruned, tips = self._prune_bumps()
         remaining = [t for t in range(len(self.triangles)) if not is_pruned[t]]
         if not remaining:
-            return self._single_bone_axis()
+            return self._make_single_bone_axis()
         for t in remaining:
             open_sides = [k for k in range(3) if self.beside[t, k] >= 0 and not is_pruned[self.beside[t, k]]]
             nodes = [self._chord_node(t, k) for k in open_sides]
@@ -68,7 +68,7 @@ class _Tracer:
             elif len(nodes) == 1:
                 self._add_end(t, nodes[0], closed, tips)
         if len(remaining) == 1:
-            return self._single_bone_axis()
+            return self._make_single_bone_axis()
         return self._link_chains()
 
     def _prune_bumps(self) -> tuple[list[bool], dict[int, list[int]]]:
@@ -117,12 +117,12 @@ class _Tracer:
     def _add_end(self, t: int, node: int, closed: list[int], bumps: dict[int, list[int]]) -> None:
         """Adds an end of the axis, from the last chord and the outline points beyond it."""
         region = np.array(sorted({*bumps.get(t, []), *(int(v) for v in self.triangles[t])}))
-        at = self._chord_node(t, closed[0]) if len(closed) == 1 else node
-        if at != node:
-            self.links.append((node, at))
-        self.tips[at] = region
+        end_node = self._chord_node(t, closed[0]) if len(closed) == 1 else node
+        if end_node != node:
+            self.links.append((node, end_node))
+        self.tips[end_node] = region
 
-    def _single_bone_axis(self) -> Axis:
+    def _make_single_bone_axis(self) -> Axis:
         """Returns the axis of an outline without limbs: a single bone along its longest extent."""
         middle = self.outline.mean(0)
         spread = (self.outline - middle).T @ (self.outline - middle)
@@ -153,7 +153,7 @@ class _Tracer:
                 used |= {(chain[0], chain[1]), (chain[-1], chain[-2])}
                 chains.append(self._straighten_to_tip(self._straighten_to_tip(chain[::-1])[::-1]))
         if not chains:
-            return self._single_bone_axis()
+            return self._make_single_bone_axis()
         axis = Axis(np.array(self.points), np.array(self.radii), chains)
         for chain in chains:
             axis.points[chain] = smooth(axis.points[chain])
@@ -169,10 +169,10 @@ class _Tracer:
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
         far = along[-1] - along
         base = int(np.flatnonzero(far >= min(radii[-1], 0.5 * along[-1]))[-1])
-        before = int(np.flatnonzero(far >= min(far[base] + radii[-1], along[-1]))[-1])
-        if before == base:
-            before, base = 0, max(base, 1)
-        ahead = points[base] - points[before]
+        last_outside = int(np.flatnonzero(far >= min(far[base] + radii[-1], along[-1]))[-1])
+        if last_outside == base:
+            last_outside, base = 0, max(base, 1)
+        ahead = points[base] - points[last_outside]
         ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-300)
         reach = float(((self.outline[region] - points[base]) @ ahead).max()) - TIP * radii[base]
         end = self._add_node(points[base] + max(reach, 0.1 * radii[base]) * ahead, 0.5 * float(radii[base]))

@@ -39,8 +39,8 @@ def inflate_outline(
     """
     step = float(np.linalg.norm(np.roll(outline, -1, 0) - outline, axis=1).mean())
     flat, cells = refine_triangulation(outline, triangles, np.full(len(outline), step))
-    squared = _squared_heights(flat, cells, len(outline), axis, radii) * depth**2
-    vertices, faces, squared = _both_halves(flat, cells, squared, len(outline), depth)
+    squared = _compute_squared_heights(flat, cells, len(outline), axis, radii) * depth**2
+    vertices, faces, squared = _make_both_halves(flat, cells, squared, len(outline), depth)
     while True:
         count = len(vertices)
         vertices, faces, parents, _ = split_long_edges(vertices, faces, _MAX_EDGE_STEPS * step)
@@ -57,7 +57,7 @@ def inflate_outline(
     return vertices, flip_to_delaunay(vertices, faces)
 
 
-def _squared_heights(flat: Float, cells: Int, rim: int, axis: Float, radii: Float) -> Float:
+def _compute_squared_heights(flat: Float, cells: Int, rim: int, axis: Float, radii: Float) -> Float:
     """Returns (V,) square metres: z squared at depth 1, zero on the first ``rim`` points, the outline."""
     points = np.concatenate([flat, np.zeros((len(flat), 1))], 1)
     inner = np.arange(rim, len(flat))
@@ -80,7 +80,7 @@ def _squared_heights(flat: Float, cells: Int, rim: int, axis: Float, radii: Floa
     return np.asarray(out * np.clip(lift, 0.7, 2.2))
 
 
-def _both_halves(
+def _make_both_halves(
     flat: Float, cells: Int, squared: Float, rim: int, depth: float
 ) -> tuple[Float, Int32, Float]:
     """Returns vertices (V, 3), faces (F, 3) and squared heights (V,) of the upper and lower half, joined at

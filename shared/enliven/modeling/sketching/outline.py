@@ -41,15 +41,15 @@ def trace_outline(stroke: Float, count: int, smooth: int = 2) -> Float:
             remedy="Draw a closed outline of the part.",
         )
     dense = _resample_polyline(points, 2 * count, closed=False)
-    crossings = _crossing_segments(dense, closed=False)
+    crossings = _find_crossing_segments(dense, closed=False)
     if len(crossings):
-        dense = _without_ends(dense, crossings)
+        dense = _remove_ends(dense, crossings)
     even = _resample_polyline(_drop_repeated_points(dense, 1e-6 * extent), count, closed=True)
     # Smoothing can make a thin tip cross itself. In that case, smooth fewer times.
     points = even
     for times in range(smooth, -1, -1):
         points = _smooth_points(even, times)
-        if len(_crossing_segments(points, closed=True)) == 0:
+        if len(_find_crossing_segments(points, closed=True)) == 0:
             break
     else:
         raise InputError(
@@ -86,11 +86,11 @@ def _resample_polyline(points: Float, count: int, closed: bool) -> Float:
     """Returns (count, 2) points at equal steps along a polyline."""
     path = np.concatenate([points, points[:1]]) if closed else points
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    at = np.linspace(0.0, along[-1], count, endpoint=not closed)
-    return np.stack([np.interp(at, along, path[:, k]) for k in range(2)], 1)
+    arc_lengths = np.linspace(0.0, along[-1], count, endpoint=not closed)
+    return np.stack([np.interp(arc_lengths, along, path[:, k]) for k in range(2)], 1)
 
 
-def _crossing_segments(points: Float, closed: bool) -> Float:
+def _find_crossing_segments(points: Float, closed: bool) -> Float:
     """Returns (K, 2) pairs of crossing segments, the earlier segment first. Each value is the number of the
     segment plus the position along it (0 to 1)."""
     ends = np.roll(points, -1, 0) if closed else points[1:]
@@ -102,7 +102,10 @@ def _crossing_segments(points: Float, closed: bool) -> Float:
 
 @njit(cache=True, nogil=True)
 def _crossing_kernel(starts, ends, closed):
-    """Finds the pairs for :func:`_crossing_segments` (kernel). Segments that share an end do not cross."""
+    """Finds the pairs for :func:`_find_crossing_segments` (kernel).
+
+    Segments that share an end do not cross.
+    """
     crossings = [(0.0, 0.0) for _ in range(0)]
     count = starts.shape[0]
     for i in range(count):
@@ -123,7 +126,7 @@ def _crossing_kernel(starts, ends, closed):
     return crossings
 
 
-def _without_ends(points: Float, crossings: Float) -> Float:
+def _remove_ends(points: Float, crossings: Float) -> Float:
     """Returns the points (N, 2) of the stroke between its two passages through the point where its ends
     cross."""
     count = len(points) - 1

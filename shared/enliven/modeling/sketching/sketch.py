@@ -82,9 +82,9 @@ def shape_from_stroke(
     fewer = _outline_point_count(outline, _MAX_VERTICES)
     if fewer < _MAX_OUTLINE_POINTS:
         outline = trace_outline(stroke, fewer)
-    triangles, axis = flat_axis(outline)
+    triangles, axis = make_flat_axis(outline)
     places, radii, links = bones_from_axis(axis, _MAX_AXIS_DEVIATION_RADII, _MAX_BONE_DIAMETERS)
-    middles, widths = _inner_circles(axis)
+    middles, widths = _find_inner_circles(axis)
     vertices, faces = inflate_outline(outline, triangles, middles, widths, depth, _SMOOTHING_PASSES)
     mesh = Mesh(np.asarray(plane.origin) + vertices @ axes, faces, id)
     skeleton = _build_skeleton(places, radii, links, plane, axes)
@@ -99,13 +99,13 @@ def _outline_point_count(outline: Float, vertices: int) -> int:
     return max(48, int(length / step))
 
 
-def flat_axis(outline: Float) -> tuple[Int, Axis]:
+def make_flat_axis(outline: Float) -> tuple[Int, Axis]:
     """Returns (T, 3) triangles of an outline, and its chordal axis."""
     triangles = triangulate_loops(outline, [np.arange(len(outline))])
     return triangles, chordal_axis(outline, triangles)
 
 
-def _inner_circles(axis: Axis) -> tuple[Float, Float]:
+def _find_inner_circles(axis: Axis) -> tuple[Float, Float]:
     """Returns the centres (K, 2) and radii (K,) of the circles to inflate: the inner points of the axis'
     chains."""
     inner = np.unique([i for chain in axis.chains for i in chain[1:-1]]).astype(np.int64)
@@ -126,10 +126,10 @@ def _build_skeleton(
     letters = 0
     for j in range(1, len(tree)):
         parent = int(tree.parents[j])
-        alone = len(tree.children[parent]) == 1 and branch[parent]
-        if not alone:
+        is_only_child = len(tree.children[parent]) == 1 and branch[parent]
+        if not is_only_child:
             letters += 1
-        branch.append(branch[parent] if alone else _number_as_letters(letters))
+        branch.append(branch[parent] if is_only_child else _number_as_letters(letters))
         names.append(f"{branch[j]}{1 + sum(b == branch[j] for b in branch[:j])}")
     return Skeleton(tuple(names), tree.parents, tree.positions)
 

@@ -24,7 +24,7 @@ from enliven.document import Skeleton, SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh, face_areas, weld
 from enliven.modeling.skinning.skin_values import keep_largest_weights
-from enliven.modeling.skinning.visibility import nearest_seen
+from enliven.modeling.skinning.visibility import find_nearest_seen
 
 _HEAT = 2.0
 """Factor c of the heat H. Lower values give softer transitions around joints."""
@@ -75,8 +75,8 @@ def heat_weights(
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
         raise InputError("skin weights need a mesh with faces and finite vertex positions", where=mesh.name)
     welded, of = weld(mesh)
-    chosen, distance = nearest_seen(
-        welded.vertices, outward_normals(welded), welded.faces, segments, _TIE_FRACTION
+    chosen, distance = find_nearest_seen(
+        welded.vertices, compute_outward_normals(welded), welded.faces, segments, _TIE_FRACTION
     )
     laplacian, mass = cotangent_laplacian(welded.vertices, welded.faces)
     _take_nearest_where_hidden(welded, laplacian, segments, chosen, distance)
@@ -112,19 +112,19 @@ def cotangent_laplacian(vertices: Float, faces: Int32) -> tuple[csc_matrix, Floa
         u, v = vertices[left] - vertices[tip], vertices[right] - vertices[tip]
         halves.append((left, right, (u * v).sum(1)))
         longest = np.maximum(longest, (u * u).sum(1))
-    least = np.maximum(area, 0.01 * longest)
-    least = np.where(least > 0, least, 1.0)
+    min_area = np.maximum(area, 0.01 * longest)
+    min_area = np.where(min_area > 0, min_area, 1.0)
     rows = np.concatenate([left for left, _, _ in halves] + [right for _, right, _ in halves])
     columns = np.concatenate([right for _, right, _ in halves] + [left for left, _, _ in halves])
-    values = np.tile(np.concatenate([dot / least for _, _, dot in halves]) / 2, 2)
+    values = np.tile(np.concatenate([dot / min_area for _, _, dot in halves]) / 2, 2)
     laplacian = coo_matrix((values, (rows, columns)), (count, count)).tocsr()
     laplacian.data = np.maximum(laplacian.data, 1e-6)
     degree = np.asarray(laplacian.sum(1)).ravel()
-    mass = np.bincount(faces.ravel(), np.repeat(least / 6, 3), count)
+    mass = np.bincount(faces.ravel(), np.repeat(min_area / 6, 3), count)
     return csc_matrix(diags(degree) - laplacian), np.maximum(mass, 1e-12 * float(mass.max() or 1.0))
 
 
-def outward_normals(welded: Mesh) -> Float:
+def compute_outward_normals(welded: Mesh) -> Float:
     """Returns (V, 3) unit normals that point out of the volume, even if the mesh is inside out."""
     a, b, c = (welded.vertices[welded.faces[:, k]] for k in range(3))
     inside_out = np.einsum("ij,ij->", a - welded.vertices.mean(0), np.cross(b - a, c - a)) < 0

@@ -11,7 +11,7 @@ from enliven.arrays import AnyArray, Float
 from enliven.document import SkinWeights
 
 
-def dense_weights(skin: SkinWeights, bones: int) -> Float:
+def make_dense_weights(skin: SkinWeights, bones: int) -> Float:
     """Returns the weight (V, bones) of every bone at every vertex."""
     out = np.zeros((len(skin.indices), bones))
     rows = np.repeat(np.arange(len(out)), 4)
@@ -27,8 +27,8 @@ def keep_largest_weights(weights: Float, smooth: bool = False) -> SkinWeights:
             set of four changes.
     """
     count, bones = weights.shape
-    some = min(4, bones)
-    order = np.argsort(-weights, axis=1, kind="stable")[:, :some]
+    kept_count = min(4, bones)
+    order = np.argsort(-weights, axis=1, kind="stable")[:, :kept_count]
     chosen = np.take_along_axis(weights, order, 1)
     if smooth and bones > 4:
         fifth = np.partition(weights, bones - 5, axis=1)[:, bones - 5]
@@ -37,9 +37,9 @@ def keep_largest_weights(weights: Float, smooth: bool = False) -> SkinWeights:
     chosen = np.maximum(chosen, 0.0)
     total = chosen.sum(1, keepdims=True)
     # A vertex without weights follows its first bone.
-    chosen = np.where(total > 0, chosen / np.where(total > 0, total, 1.0), np.eye(1, some))
+    chosen = np.where(total > 0, chosen / np.where(total > 0, total, 1.0), np.eye(1, kept_count))
     indices, kept_weights = np.zeros((count, 4), np.uint16), np.zeros((count, 4), np.float32)
-    indices[:, :some], kept_weights[:, :some] = np.where(chosen > 0, order, 0), chosen
+    indices[:, :kept_count], kept_weights[:, :kept_count] = np.where(chosen > 0, order, 0), chosen
     return SkinWeights(indices, kept_weights)
 
 

@@ -14,15 +14,15 @@ def renumber_bones(skin: SkinWeights, numbers: Int) -> SkinWeights:
     indices = numbers[skin.indices].astype(np.uint16)
     weights = skin.weights.copy()
     for slot in range(1, 4):
-        for before in range(slot):
-            same = (indices[:, slot] == indices[:, before]) & (weights[:, slot] > 0)
-            weights[same, before] += weights[same, slot]
+        for old_slot in range(slot):
+            same = (indices[:, slot] == indices[:, old_slot]) & (weights[:, slot] > 0)
+            weights[same, old_slot] += weights[same, slot]
             weights[same, slot] = 0.0
             indices[same, slot] = 0
     return SkinWeights(indices, weights)
 
 
-def shared_skin(skin: SkinWeights, upper: int, lower: int, part: Float) -> SkinWeights:
+def merge_skins(skin: SkinWeights, upper: int, lower: int, part: Float) -> SkinWeights:
     """Moves the fraction ``part`` (V,) in [0, 1] of the skin of bone ``lower`` to bone ``upper``.
 
     If a vertex already follows four bones, all of the weight goes to the bone with the larger fraction.

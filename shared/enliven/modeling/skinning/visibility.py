@@ -111,7 +111,7 @@ def _is_hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, s
 
 @njit(cache=True, nogil=True)
 def _nearest_seen_kernel(vertices, normals, faces, segments, offsets, inside, low, cell, size, tie):
-    """Finds the segments and distances of :func:`nearest_seen` (kernel)."""
+    """Finds the segments and distances of :func:`find_nearest_seen` (kernel)."""
     count, some = vertices.shape[0], min(MOST, segments.shape[0])
     chosen = np.full((count, some), -1, np.int32)
     distance = np.full(count, np.inf)
@@ -159,7 +159,7 @@ def _nearest_seen_kernel(vertices, normals, faces, segments, offsets, inside, lo
     return chosen, distance
 
 
-def nearest_seen(
+def find_nearest_seen(
     vertices: Float, normals: Float, faces: Int32, segments: Float, tie: float
 ) -> tuple[Int32, Float]:
     """Finds the nearest visible bones of each vertex.

@@ -58,14 +58,14 @@ def find_contacts(
     if len(places) == 1 and modes is None:
         return Contacts(np.array([-np.inf]), np.array([np.inf]), places.copy())
     height = places[:, 1] - np.percentile(places[:, 1], 5)
-    still = np.zeros(len(places))
-    speed = np.linalg.norm(np.gradient(places, step, axis=0), axis=1) if len(places) > 1 else still
+    stillness = np.zeros(len(places))
+    speed = np.linalg.norm(np.gradient(places, step, axis=0), axis=1) if len(places) > 1 else stillness
     is_down = np.empty(len(places), np.bool_)
     detect_contact_frames(height, speed, how.height * size, how.speed * size, how.release, is_down)
     spans = find_runs(is_down)
     if modes is not None:
         low = np.empty_like(is_down)
-        detect_contact_frames(height, still, how.height * size, how.speed * size, how.release, low)
+        detect_contact_frames(height, stillness, how.height * size, how.speed * size, how.release, low)
         spans = find_runs(is_down & (modes == AUTO))
         for a, b in find_runs(low & (modes == ALWAYS)):
             spans += _split_steps(places, a, b, _MAX_HELD_DRIFT_LIMBS * size)

@@ -99,7 +99,7 @@ def fit_joint_range(bone: Float, turns: Float | None = None, angle_factor: float
     if turns is None:
         return JointRange(bone, axes, np.zeros((1, 2)), (0.0, 0.0), *widened)
     swings, twists = _decompose_swing_twist(bone, axes, turns)
-    hull = _convex_hull(np.concatenate([np.zeros((1, 2)), swings]))
+    hull = _compute_convex_hull(np.concatenate([np.zeros((1, 2)), swings]))
     twist_interval = float(min(twists.min(), 0.0)), float(max(twists.max(), 0.0))
     return JointRange(bone, axes, hull, twist_interval, *widened)
 
@@ -112,7 +112,7 @@ def limit_turns(joint: JointRange, turns: Float) -> Float:
             determine the fixed swing.
     """
     swings, twists = _decompose_swing_twist(joint.bone, joint.axes, turns)
-    return limit_turns_towards(joint, turns, _fixed_swing(joint, swings), swings, twists)
+    return limit_turns_towards(joint, turns, _make_fixed_swing(joint, swings), swings, twists)
 
 
 def limit_turns_towards(
@@ -128,7 +128,7 @@ def limit_turns_towards(
     """
     if swings is None or twists is None:
         swings, twists = _decompose_swing_twist(joint.bone, joint.axes, turns)
-    nearest, differences = _nearest_known_swings(joint, swings)
+    nearest, differences = _find_nearest_known_swings(joint, swings)
     nearest_twists = np.clip(twists, *joint.twists)
     limited_swings, limited_twists, kept_share, none = (
         swings,
@@ -141,13 +141,15 @@ def limit_turns_towards(
         twist_differences = (
             _distance_to_interval(twists, *joint.twists) if joint.twist_reach < _UNLIMITED_ANGLE else none
         )
-        limited_swings = nearest + _kept_fraction(joint, swing_off, twist_differences)[:, None] * differences
+        limited_swings = (
+            nearest + _compute_kept_fraction(joint, swing_off, twist_differences)[:, None] * differences
+        )
         kept_share = 1.0 - _smooth_rise(
             np.linalg.norm(swings, axis=1), max(float(_FOLD_ANGLE), joint.swing_reach)
         )
         limited_swings = kept_share[:, None] * limited_swings + (1.0 - kept_share)[:, None] * far
     if joint.twist_reach < _UNLIMITED_ANGLE:
-        limited_twists = nearest_twists + _kept_fraction(
+        limited_twists = nearest_twists + _compute_kept_fraction(
             joint, swing_off, np.abs(twists - nearest_twists)
         ) * (twists - nearest_twists)
         # Near a swing of 180 degrees, the twist is undefined too, so fade it out.
@@ -166,7 +168,7 @@ def limit_turns_towards(
     return np.where(changed[:, None], limited, turns)
 
 
-def _fixed_swing(joint: JointRange, swings: Float) -> Float:
+def _make_fixed_swing(joint: JointRange, swings: Float) -> Float:
     """Returns the fixed swing (2,) of a bone for rotations close to 180 degrees, radians.
 
     It is the range's limit in the mean direction of those ``swings`` (T, 2) that are close to 180 degrees.
@@ -174,19 +176,19 @@ def _fixed_swing(joint: JointRange, swings: Float) -> Float:
     far_swings = swings[np.linalg.norm(swings, axis=1) > _FOLD_ANGLE]
     if not len(far_swings):
         return np.zeros(2)
-    nearest, difference = _nearest_known_swings(joint, _FOLD_ANGLE * unit(far_swings.mean(0))[None])
-    factor = _kept_fraction(joint, np.linalg.norm(difference, axis=1), np.zeros(1))
+    nearest, difference = _find_nearest_known_swings(joint, _FOLD_ANGLE * unit(far_swings.mean(0))[None])
+    factor = _compute_kept_fraction(joint, np.linalg.norm(difference, axis=1), np.zeros(1))
     return np.asarray(nearest[0] + factor[0] * difference[0])
 
 
-def _nearest_known_swings(joint: JointRange, swings: Float) -> tuple[Float, Float]:
+def _find_nearest_known_swings(joint: JointRange, swings: Float) -> tuple[Float, Float]:
     """Returns the nearest swings (T, 2) within the hull, and the differences (T, 2) of ``swings`` from them,
     radians."""
     nearest = _project_onto_hull(joint.hull, swings)
     return nearest, np.asarray(swings - nearest)
 
 
-def _kept_fraction(joint: JointRange, swing_off: Float, twist_off: Float) -> Float:
+def _compute_kept_fraction(joint: JointRange, swing_off: Float, twist_off: Float) -> Float:
     """Returns the fraction (T,) of the distance to the known rotations that is kept.
 
     Args:
@@ -199,7 +201,7 @@ def _kept_fraction(joint: JointRange, swing_off: Float, twist_off: Float) -> Flo
     relative_distance = distance / np.maximum(free_angle, 1e-300)
     return np.where(
         free_angle > 1.0,
-        _soft_limit(distance, relative_distance, joint.soft) / np.maximum(distance, 1e-300),
+        _limit_softly(distance, relative_distance, joint.soft) / np.maximum(distance, 1e-300),
         1.0,
     )
 
@@ -216,7 +218,7 @@ def _distance_to_interval(twists: Float, lower: float, upper: float) -> Float:
     return np.asarray(np.maximum(np.maximum(above_interval, below_interval), 0.0))
 
 
-def _soft_limit(distances: Float, free: Float, soft: float) -> Float:
+def _limit_softly(distances: Float, free: Float, soft: float) -> Float:
     """Limits distances (T,) softly. Distances up to ``free`` do not change, and the excess is compressed to
     less than ``soft``.
     """
@@ -241,7 +243,7 @@ def _decompose_swing_twist(bone: Float, axes: Float, turns: Float) -> tuple[Floa
     return np.asarray(to_rotation_vector(swings) @ axes.T), np.asarray(twists)
 
 
-def _convex_hull(points: Float) -> Float:
+def _compute_convex_hull(points: Float) -> Float:
     """Returns the corners (K, 2) of the convex hull of points (P, 2), counter-clockwise (monotone chain)."""
     sorted_points = np.unique(points, axis=0)
     # Use Python's floats in the loop, because NumPy's scalars would take eight times as long.

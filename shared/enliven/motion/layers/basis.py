@@ -97,7 +97,7 @@ def _view_basis(z: Float, view: Float, up: Float) -> tuple[Float, bool]:
     y = np.cross(z, view)
     is_sure = True
     if np.linalg.norm(y) < _END_ON_SINE:
-        y = _nearest_perpendicular(z, up)
+        y = _find_nearest_perpendicular(z, up)
     else:
         y = y / np.linalg.norm(y)
         is_sure = abs(float(y @ up)) >= MAX_VERTICAL_SINE
@@ -108,7 +108,7 @@ def _view_basis(z: Float, view: Float, up: Float) -> tuple[Float, bool]:
     return from_matrix(np.stack([np.cross(y, z), y, z], -1)), is_sure
 
 
-def _nearest_perpendicular(z: Float, up: Float) -> Float:
+def _find_nearest_perpendicular(z: Float, up: Float) -> Float:
     """Returns the unit vector (3,) perpendicular to ``z`` that is nearest to ``up``, or else to the world's x
     or z.
     """

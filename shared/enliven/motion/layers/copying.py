@@ -69,7 +69,7 @@ def copy_motion(
         used_names = {**project.layer_names, **{layer.id: None for layer in new_layers.values()}}
         layer = source.layer(name)
         target_basis = canonical(multiply(basis, layer.basis))
-        new_layers[name] = replace(layer, id=unused(name, used_names), basis=target_basis).later(delay)
+        new_layers[name] = replace(layer, id=unused(name, used_names), basis=target_basis).add_delay(delay)
     if replaced:
         project = clear_chain(project, to_shape, to_chain)
         target = project.shape(to_shape)
@@ -125,7 +125,7 @@ def _overlay_spans(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span,
     """
     own_spans = _span_intervals(spans)
     bounds = [x for a, b, _ in own_spans for x in (a, b)] + [x for a, b, _ in pieces for x in (a, b)]
-    cuts = _distinct_places([min(max(x, 0.0), 1.0) for x in bounds])
+    cuts = _find_distinct_places([min(max(x, 0.0), 1.0) for x in bounds])
     overlaid: list[Span] = []
     for i, low in enumerate(cuts):
         # Copy the pieces of zero length at this position, which is a joint. At the end of a bone, such pieces
@@ -163,7 +163,7 @@ def _cut_reference(ref: Ref, start: float, end: float, low: float, high: float) 
     return Ref(ref.layer, first, last)
 
 
-def _distinct_places(places: list[float]) -> list[float]:
+def _find_distinct_places(places: list[float]) -> list[float]:
     """Returns the positions in ascending order, without duplicates within the rounding tolerance. 0 and 1 are
     exact.
     """

@@ -3,12 +3,12 @@ computes the joint positions.
 
     evaluate_pose(project, shape_id, seconds) -> ShapePose  # once
     player = Player(project, shape_id)                     # prepared: evaluate often
-    player.at(seconds) -> ShapePose                        # turns (N, 4), joints (N, 3)
+    player.compute_pose(seconds) -> ShapePose              # turns (N, 4), joints (N, 3)
     player.sample(times) -> (turns (T, N, 4), joints (T, N, 3))
-    player.linear(times, turns) -> (T, N, 3, 3)            # maps of the vertices: rotations and stretches
+    player.compute_linear_maps(times, turns) -> (T, N, 3, 3)  # maps of the vertices: rotations and stretches
     player.animation_rotations(times) -> (T, N, 4)         # a_j alone, without the modeling
     player.contacts() -> {joint name: Contacts}            # of the pinned feet
-    player.pose(seconds) -> enliven.document.character.Pose         # for the wire and the viewer
+    player.compute_message_pose(seconds) -> enliven.document.character.Pose  # for the wire and the viewer
     player.feed(take, turns, root)                         # live: play this frame instead of the take
     pose_from(shape, ShapePose, seconds) -> Pose
 
@@ -69,7 +69,7 @@ def evaluate_pose(project: Project, shape_id: str, seconds: float) -> ShapePose:
     Raises:
         InputError: if the shape does not exist.
     """
-    return Player(project, shape_id).at(seconds)
+    return Player(project, shape_id).compute_pose(seconds)
 
 
 def pose_from(shape: RiggedCharacter, at: ShapePose, seconds: float) -> Pose:
@@ -104,42 +104,42 @@ class Player:
         travelling = [] if self._travel.layer is None else [self._travel.layer]
         self._window = find_analysis_window([*parts.layers, *travelling], project.takes)
 
-    def at(self, seconds: float) -> ShapePose:
+    def compute_pose(self, seconds: float) -> ShapePose:
         """Returns the pose of the shape at a time of the project."""
         times = np.array([seconds], np.float64)
         turns, joints = self.sample(times)
         stretch = self._bone_stretch(times)
         return ShapePose(upright(turns[0]), joints[0], None if stretch is None else stretch[0])
 
-    def pose(self, seconds: float) -> Pose:
+    def compute_message_pose(self, seconds: float) -> Pose:
         """Returns the pose in the form for network messages and the viewer, with the transforms of
         :func:`pose_from`."""
-        return pose_from(self.shape, self.at(seconds), seconds)
+        return pose_from(self.shape, self.compute_pose(seconds), seconds)
 
     def sample(self, times: AnyArray) -> tuple[Float, Float]:
         """Returns (T, N, 4) rotations D_j and (T, N, 3) joints in metres at times (T,) in seconds."""
-        times = _checked_times(times)
-        turns, joints = self._unpinned_pose(times)
+        times = _check_times(times)
+        turns, joints = self._compute_unpinned_pose(times)
         standing = self.foot_lock()
         if standing is not None:
             window_times = standing.window.fold_times(times)
-            travelled = joints[:, 0] - self._travel.at(window_times)
+            travelled = joints[:, 0] - self._travel.evaluate(window_times)
             tree = (self.shape.skeleton.parents, self._link_offsets(times))
             standing.pin_feet(window_times, travelled, tree, turns, joints)
         return turns, joints
 
-    def linear(self, times: AnyArray, turns: Float) -> Float:
+    def compute_linear_maps(self, times: AnyArray, turns: Float) -> Float:
         """Returns the linear maps D_j U_j (T, N, 3, 3) at times (T,), for the rotations D_j (T, N, 4) of
         :meth:`sample`.
         """
-        maps, stretch = to_matrix(turns), self._bone_stretch(_checked_times(times))
+        maps, stretch = to_matrix(turns), self._bone_stretch(_check_times(times))
         return maps if stretch is None else np.asarray(maps @ stretch)
 
     def _bone_stretch(self, times: Float) -> Float | None:
         """Returns the stretches U_j (T, N, 3, 3) at times (T,), or None if no bone is stretched."""
         if self._stretching is None:
             return None
-        return self._stretching.stretch(times, self._stretching.at(times)[1])
+        return self._stretching.stretch(times, self._stretching.evaluate(times)[1])
 
     def _link_offsets(self, times: Float) -> Float:
         """Returns the vectors (T or 1, N, 3) from each joint's parent to the joint before its bone rotates,
@@ -147,7 +147,7 @@ class Player:
         """
         links = self.shape.skeleton.vectors[None]
         if self._stretching is not None:
-            offsets, strains = self._stretching.at(times)
+            offsets, strains = self._stretching.evaluate(times)
             links = links + offsets
             stretch = self._stretching.stretch(times, strains)
             links = links if stretch is None else apply_stretch(stretch, links)
@@ -157,11 +157,11 @@ class Player:
 
     def sample_unpinned(self, times: AnyArray) -> tuple[Float, Float]:
         """Returns the same as :meth:`sample`, but without pinned feet."""
-        return self._unpinned_pose(_checked_times(times))
+        return self._compute_unpinned_pose(_check_times(times))
 
-    def _unpinned_pose(self, times: Float) -> tuple[Float, Float]:
+    def _compute_unpinned_pose(self, times: Float) -> tuple[Float, Float]:
         knots, skeleton = self._sampler.knots(times), self.shape.skeleton
-        rotations, root = self._sampler.animation_rotations(knots), self._travel.at(times)
+        rotations, root = self._sampler.animation_rotations(knots), self._travel.evaluate(times)
         turns, joints = np.empty_like(rotations), np.empty((*rotations.shape[:2], 3))
         links = self._link_offsets(times)
         compose(skeleton.parents, links, self.shape.modeling, rotations, root, turns, joints)
@@ -176,11 +176,11 @@ class Player:
         """Returns the animation rotations a_j (T, N, 4) at times (T,), which are computed from the layers
         without the modeling rotations.
         """
-        return self._sampler.animation_rotations(self._sampler.knots(_checked_times(times)))
+        return self._sampler.animation_rotations(self._sampler.knots(_check_times(times)))
 
-    def root(self, times: AnyArray) -> Float:
+    def compute_root(self, times: AnyArray) -> Float:
         """Returns the position (T, 3) in metres of the root joint at times (T,)."""
-        return self._travel.at(_checked_times(times))
+        return self._travel.evaluate(_check_times(times))
 
     def feed(self, take: str, turns: Float, root: Float) -> None:
         """Replaces a take by a live frame at all times. The layers of the take stay unchanged.
@@ -229,5 +229,5 @@ class Player:
         return {names[pin.chain[-1]]: contacts for pin, contacts in (standing.pins if standing else ())}
 
 
-def _checked_times(times: AnyArray) -> Float:
+def _check_times(times: AnyArray) -> Float:
     return np.ascontiguousarray(np.atleast_1d(times), np.float64)

@@ -40,9 +40,9 @@ class Sampler:
         knot_bounds = np.cumsum([0, *(len(line.knots) for line in self.lines)]).tolist()
         self.parts = [slice(a, b) for a, b in pairwise(knot_bounds)]
         self._takes = [
-            _TakeLayers(some, self.layers, self.lines, knot_bounds[some[0]])
+            _TakeLayers(layer_numbers, self.layers, self.lines, knot_bounds[layer_numbers[0]])
             for _, group in groupby(range(len(self.layers)), key=lambda i: _sampling_group(self.layers[i]))
-            for some in [list(group)]
+            for layer_numbers in [list(group)]
         ]
         self._count = knot_bounds[-1]
         self._lay_out(shape)
@@ -147,12 +147,12 @@ class _TakeLayers:
             still = np.zeros((len(times), len(self._bases)))
             self._write_knot_turns(self.fed, still, still + self._weights, out)
             return
-        played, weights = self._clocks.frames_at(times), self._weights * self._clocks.weight_curves(times)
-        self._write_knot_turns(self._turns, played.frame, weights, out)
-        if not played.is_plain:
+        frames, weights = self._clocks.frames_at(times), self._weights * self._clocks.weight_curves(times)
+        self._write_knot_turns(self._turns, frames.frame, weights, out)
+        if not frames.is_plain:
             others = np.empty_like(out)
-            self._write_knot_turns(self._turns, played.other, weights, others)
-            blend_knots(others, played.share, played.weight, self._first, self._begin, out)
+            self._write_knot_turns(self._turns, frames.other, weights, others)
+            blend_knots(others, frames.share, frames.weight, self._first, self._begin, out)
 
     def weights(self, times: Float) -> Float:
         """Returns the fade weights (T, L) of these layers."""

@@ -1,7 +1,7 @@
 """Computes bone lengths and stretches from the layers of a shape, in addition to the rotations.
 
     stretching = StretchLayers.of(sampler, shape)           # None if no layer's take stretches anything
-    offsets, strains = stretching.at(times)                 # (T, N, 3) metres, (T, N, 6)
+    offsets, strains = stretching.evaluate(times)           # (T, N, 3) metres, (T, N, 6)
 
 A bone of the take corresponds to an interval of arc length. Its strain applies to all bones of the shape on
 this interval. Its offset is scaled to the shape, and distributed to these bones in proportion to their arc
@@ -50,19 +50,19 @@ class _StretchLayer:
     offsets: Float
     strains: Float
 
-    def at(self, times: Float) -> tuple[Float, Float]:
+    def evaluate(self, times: Float) -> tuple[Float, Float]:
         """Returns (T, N, 3) offsets and (T, N, 6) strains at times (T,)."""
-        played = self.clock.frames_at(times)
-        weight = played.weight[:, 0] * self.layer.weight
+        clip_frames = self.clock.frames_at(times)
+        weight = clip_frames.weight[:, 0] * self.layer.weight
         finest = self.clip.finest_motion
         totals = [np.zeros((len(times), len(self.bones), 3)), np.zeros((len(times), len(self.bones), 6))]
         for out, track in zip(totals, (finest.offsets, finest.strains), strict=True):
             if track is not None:
                 current, other = (
                     _interpolate_track(track[:, self.bones], frames[:, 0])
-                    for frames in (played.frame, played.other)
+                    for frames in (clip_frames.frame, clip_frames.other)
                 )
-                out += weight[:, None, None] * (current + played.share[:, :1, None] * (other - current))
+                out += weight[:, None, None] * (current + clip_frames.share[:, :1, None] * (other - current))
         offsets, strains = totals[0] * self.signs[:, None], totals[1]
         if self.layer.mirrored:
             offsets, strains = offsets * [-1.0, 1.0, 1.0], strains * _STRAIN_REFLECTION_SIGNS
@@ -78,11 +78,13 @@ class _StretchLayer:
         track = self.clip.finest_motion.mirrors
         if track is None:
             return None
-        played, main_bone = self.clock.frames_at(times), self.strains.argmax(1)
-        frames = np.where(played.share[:, 0] > 0.5, played.other[:, 0], played.frame[:, 0])
+        clip_frames, main_bone = self.clock.frames_at(times), self.strains.argmax(1)
+        frames = np.where(clip_frames.share[:, 0] > 0.5, clip_frames.other[:, 0], clip_frames.frame[:, 0])
         # Between two frames, use the first frame, because mirroring cannot be interpolated.
         rows = track[np.floor(frames + _FRAME_ROUNDING).astype(int)][:, self.bones]
-        is_active = (played.weight[:, 0] * self.layer.weight > 0.5)[:, None] & (self.strains.max(1) > 0.5)
+        is_active = (clip_frames.weight[:, 0] * self.layer.weight > 0.5)[:, None] & (
+            self.strains.max(1) > 0.5
+        )
         return np.where(is_active, rows[:, main_bone], 1.0)
 
 
@@ -114,11 +116,11 @@ class StretchLayers:
         ]
         return StretchLayers(stretched) if stretched else None
 
-    def at(self, times: Float) -> tuple[Float, Float]:
+    def evaluate(self, times: Float) -> tuple[Float, Float]:
         """Returns offsets (T, N, 3), metres, and strains (T, N, 6) at times (T,), in the same format as a
         clip.
         """
-        sampled = [layer.at(times) for layer in self._layers]
+        sampled = [layer.evaluate(times) for layer in self._layers]
         return sum(offsets for offsets, _ in sampled), sum(strains for _, strains in sampled)  # type: ignore[return-value]
 
     def stretch(self, times: Float, strains: Float) -> Float | None:

@@ -2,7 +2,7 @@
 
     skeleton_heights(skeleton)           # metres: the sizes that define the travel scale
     travel_scale(shape, clip)            # the shape's own, or the ratio of the heights
-    Travel(project, shape).at(times)     # (T, 3) the position of the root joint
+    Travel(project, shape).evaluate(times)     # (T, 3) the position of the root joint
 
 Each loop of a take continues at the position at which the previous loop ended. So a looped walk of two steps
 keeps moving over the ground, at constant height.
@@ -67,11 +67,11 @@ class Travel:
             self._clip, self._root = clip, clip.finest_motion.root
             self._clocks = LayerClocks.from_layers([self.layer], [clip])
             self._factor = self.layer.weight * travel_scale(shape, clip)
-            begin, end = (_root_position(clip, second) for second in self.layer.ends(clip.duration))
+            begin, end = (_root_position(clip, second) for second in self.layer.compute_ends(clip.duration))
             self._round = (end - begin) * [1.0, 0.0, 1.0]
             self._fed = False
 
-    def at(self, times: Float) -> Float:
+    def evaluate(self, times: Float) -> Float:
         """Returns the position (T, 3) of the root joint at times (T,), metres: the sum of its rest position,
         the shape's displacement and the take's path.
 

@@ -303,7 +303,7 @@ def _figure(
         thickness=_LINE_M,
         points=points,
         color=_colour(colour),
-        colors=None if opacity is None else [_colour(colour, each) for each in opacity],
+        colors=None if opacity is None else [_colour(colour, point) for point in opacity],
     )
     text = TextPrimitive(
         pose=Pose(position=label, orientation=_STILL),

@@ -51,7 +51,7 @@ class FrameEncoder:
         row = {
             name: None
             if self._sent.get(name) is info
-            else CharacterInfo(_without_surface(info.character), info.humanoid)
+            else CharacterInfo(_remove_surface(info.character), info.humanoid)
             for name, info in characters.items()
         }
         self._sent = dict(characters)
@@ -158,7 +158,7 @@ def _props_of(
     )
 
 
-def _without_surface(character: Character) -> Character:
+def _remove_surface(character: Character) -> Character:
     """Returns a character with the same pivots, lines and names, and one triangle as its surface."""
     corners, faces = np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32)
     skin = SkinWeights(np.zeros((3, 4), np.uint16), np.tile(np.array([1, 0, 0, 0], np.float32), (3, 1)))

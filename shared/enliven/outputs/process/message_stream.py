@@ -38,7 +38,7 @@ class MessageStream:
         Raises:
             OSError: if the other end is closed.
         """
-        self._unsent = memoryview(_as_bytes(kind, content))
+        self._unsent = memoryview(_convert_to_bytes(kind, content))
         return self.flush()
 
     def flush(self) -> bool:
@@ -60,7 +60,7 @@ class MessageStream:
         Raises:
             OSError: if the other end is closed.
         """
-        self.socket.sendall(_as_bytes(kind, content))
+        self.socket.sendall(_convert_to_bytes(kind, content))
 
     def receive(self) -> list[tuple[str, Any]] | None:
         """Reads once from the socket, and returns the messages that are complete. Returns None if the other
@@ -85,12 +85,12 @@ class MessageStream:
         return messages
 
 
-def _as_bytes(kind: str, content: object) -> bytes:
+def _convert_to_bytes(kind: str, content: object) -> bytes:
     data = pickle.dumps((kind, content), pickle.HIGHEST_PROTOCOL)
     return _LENGTH.pack(len(data)) + data
 
 
-def connected_ends() -> tuple[socket.socket, socket.socket]:
+def make_connected_ends() -> tuple[socket.socket, socket.socket]:
     """Returns two connected sockets with large buffers.
 
     Raises:
@@ -101,7 +101,7 @@ def connected_ends() -> tuple[socket.socket, socket.socket]:
     return near, far
 
 
-def inherited_end(arguments: Sequence[str]) -> socket.socket:
+def open_inherited_end(arguments: Sequence[str]) -> socket.socket:
     """Returns this process's end of the connection. Its descriptor is a command line argument, or on Windows
     data on the standard input."""
     if sys.platform == "win32":

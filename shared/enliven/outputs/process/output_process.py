@@ -27,7 +27,7 @@ from enliven.outputs.frame_thread import MAX_EVENTS
 from enliven.outputs.live_frame import LiveEvent, LiveFrame
 from enliven.outputs.output_plan import OutputPlan
 from enliven.outputs.process.frame_codec import FrameEncoder
-from enliven.outputs.process.message_stream import MessageStream, connected_ends
+from enliven.outputs.process.message_stream import MessageStream, make_connected_ends
 from enliven.outputs.process.output_status import OutputStatus
 from enliven.supervision.closeable import Closeable
 from enliven.supervision.lifetime import block_interrupts
@@ -235,7 +235,7 @@ class _Running:
         self._encoder, self._last_depth_ns = FrameEncoder(), -DEPTH_INTERVAL_NS
         self._depth: DepthMemory | None = None
         with contextlib.ExitStack() as stack:
-            near, far = connected_ends()
+            near, far = make_connected_ends()
             stack.callback(near.close)
             with far:
                 if has_server:

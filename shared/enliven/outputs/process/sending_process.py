@@ -19,7 +19,7 @@ from enliven.errors import EnlivenError
 from enliven.outputs.depth_memory import DepthMemory
 from enliven.outputs.frame_thread import FrameThread
 from enliven.outputs.process.frame_codec import FrameDecoder
-from enliven.outputs.process.message_stream import MessageStream, inherited_end
+from enliven.outputs.process.message_stream import MessageStream, open_inherited_end
 from enliven.outputs.sender import Sender
 
 _STATE_INTERVAL_S = 0.25
@@ -38,7 +38,7 @@ def main(arguments: Sequence[str]) -> int:
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     if sys.stderr is not None:
         faulthandler.enable()
-    reports = _Reports(MessageStream(inherited_end(arguments)))
+    reports = _Reports(MessageStream(open_inherited_end(arguments)))
     messages = reports.stream.receive()
     while messages == []:
         messages = reports.stream.receive()

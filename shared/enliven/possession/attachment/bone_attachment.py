@@ -58,14 +58,14 @@ class ReachGrowth:
         nearest_per_bone = np.full(J, np.inf)
         np.minimum.at(nearest_per_bone, bone, nearest)
         has_all_bones = len(np.unique(bone)) >= J - 1
-        reaches = np.full(len(bone), self._larger_reach(reach, nearest_per_bone[np.unique(bone)]))
+        reaches = np.full(len(bone), self._extend_reach(reach, nearest_per_bone[np.unique(bone)]))
         for limb in np.unique(_LIMB_OF_BONE[bone]):
             if not (has_all_bones and limb in _ARM_NUMBERS):
                 on_limb = _LIMB_OF_BONE[bone] == limb
-                reaches[on_limb] = self._larger_reach(reach, nearest_per_bone[np.unique(bone[on_limb])])
+                reaches[on_limb] = self._extend_reach(reach, nearest_per_bone[np.unique(bone[on_limb])])
         return reaches
 
-    def _larger_reach(self, reach: float, first: Float) -> float:
+    def _extend_reach(self, reach: float, first: Float) -> float:
         """Returns the reach at which enough bones attach, metres. ``first`` (B,) are the distances from the
         bones to their nearest nodes.
         """
@@ -141,10 +141,10 @@ class Attachment:
         target_positions = np.empty((len(self), 3))
         _write_targets(finite_joints, turns, self.bone, self.along, self.radial, target_positions)
         finite = np.asarray(np.isfinite(joints).all(1))
-        target_positions[~self._smaller_of_ends(finite.astype(np.float64)).astype(bool)] = np.nan
+        target_positions[~self._choose_smaller_of_ends(finite.astype(np.float64)).astype(bool)] = np.nan
         return target_positions
 
-    def _smaller_of_ends(self, values: Float) -> Float:
+    def _choose_smaller_of_ends(self, values: Float) -> Float:
         """Returns the smaller of ``values`` (20,) at the two ends of each bone, (L,). A point on a joint uses
         that joint's value.
         """
@@ -162,7 +162,7 @@ class Attachment:
         certainty = np.clip(np.nan_to_num(np.asarray(confidence, np.float64), nan=0.0), 0.0, 1.0)
         if certainty.shape != (J,):
             raise InputError(f"the confidence is {certainty.shape}, expected ({J},)", where="attachment")
-        weaker = self._smaller_of_ends(certainty)
+        weaker = self._choose_smaller_of_ends(certainty)
         return np.asarray(weaker * weaker * (3 - 2 * weaker))
 
 
@@ -206,8 +206,8 @@ def attach(
     if is_tracked.shape != (J,):
         raise InputError(f"the confidence is {is_tracked.shape}, expected ({J},)", where="attachment")
     usable = is_tracked & np.isfinite(joints).all(1)
-    points, normals, bone, along, radial, starts = _usable_samples(joints, usable, chosen, settings)
-    node_points, node_normals = _deformed_nodes(graph, deformed)
+    points, normals, bone, along, radial, starts = _find_usable_samples(joints, usable, chosen, settings)
+    node_points, node_normals = _deform_nodes(graph, deformed)
     farthest = max(settings.reach, grow.farthest)
     cosine = math.cos(settings.normal_angle)
     indices, lengths = nearest_facing(points, normals, starts, node_points, node_normals, farthest, cosine)
@@ -229,7 +229,7 @@ def attach(
     )
 
 
-def _usable_samples(
+def _find_usable_samples(
     joints: Float, usable: Bool, chosen: Bool, settings: AttachmentSettings
 ) -> tuple[Float, Float, Int, Float, Float, Int]:
     """Returns the samples of all usable bones and joints, grouped by bone and by joint.
@@ -271,7 +271,7 @@ def _usable_samples(
     return position, normal, np.concatenate(bone), np.concatenate(along), radial, starts
 
 
-def _deformed_nodes(graph: DeformationGraph, deformed: tuple[Float, Float] | None) -> tuple[Float, Float]:
+def _deform_nodes(graph: DeformationGraph, deformed: tuple[Float, Float] | None) -> tuple[Float, Float]:
     """Returns (N, 3) positions and (N, 3) unit normals of the nodes in the current deformation."""
     if deformed is None:
         return graph.positions, graph.normals

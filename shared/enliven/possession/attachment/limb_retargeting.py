@@ -9,7 +9,7 @@ from enliven.arrays import Float, Float32
 from enliven.person import PARENTS, Body, J, Joint
 from enliven.possession.attachment.bone_cylinders import bone_rotations, fill_joints
 from enliven.possession.likeness.skeleton import BodyInMesh
-from enliven.possession.likeness.standing_person import standing_figure
+from enliven.possession.likeness.standing_person import make_standing_figure
 from enliven.possession.placement import body_yaw, rotation_about_y, wrap_angle
 from enliven.rotation import unit
 
@@ -107,7 +107,7 @@ class LimbRetargeting:
         self._share, self._start_ns, self._seconds = other._share, other._start_ns, other._seconds
         self._start_gap = other._start_gap
 
-    def at(self, time_ns: int) -> None:
+    def set_time(self, time_ns: int) -> None:
         """Advances the move of the mesh into the performer's pose to a time."""
         if self._share < 1.0:
             self._start_ns = time_ns if self._start_ns < 0 else self._start_ns
@@ -179,7 +179,7 @@ def _pose_like_mesh(likeness: BodyInMesh, current_joints: Float, yaw: float, tur
         yaw: radians about +Y, the direction that the returned figure faces.
         turn: (3, 3) rotation from the direction ``yaw`` to the mesh's front.
     """
-    figure = standing_figure() @ rotation_about_y(yaw).T
+    figure = make_standing_figure() @ rotation_about_y(yaw).T
     mesh = likeness.joints @ turn
     upright = np.empty((J, 3))
     upright[_HIP_JOINT] = current_joints[_HIP_JOINT]

@@ -115,7 +115,7 @@ class PerformerAttachment:
         """Updates the targets and their weights from the body of a performer in view."""
         last_targets = self._targets
         for grip in self.attachments:
-            grip.rest_transform.at(time_ns)
+            grip.rest_transform.set_time(time_ns)
         self._targets = np.concatenate([grip.targets(body) for grip in self.attachments])
         pulls = np.concatenate([grip.attachment.target_weights(body.confidence) for grip in self.attachments])
         lost = ~(np.abs(self._targets) < _MAX_TARGET_M).all(1)
@@ -203,7 +203,7 @@ def attach_within_reach(
     return TransformedAttachment(attachment, rest_transform, parts, start_turns)
 
 
-def out_of_reach_error(
+def make_out_of_reach_error(
     character: str,
     settings: ActorSettings,
     body: Body,

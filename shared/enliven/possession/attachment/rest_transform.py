@@ -37,7 +37,7 @@ class RestTransform(Protocol):
         from the joints.
         """
 
-    def at(self, time_ns: int) -> None:
+    def set_time(self, time_ns: int) -> None:
         """Sets the time of the joints that are transformed next, in nanoseconds of the sensor's clock."""
 
     def __call__(self, joints: Float) -> Float:
@@ -76,7 +76,7 @@ class PlacementTransform:
         """Metres of the performer per metre of the rest space."""
         return self.placement.scale
 
-    def at(self, time_ns: int) -> None:
+    def set_time(self, time_ns: int) -> None:
         """Does nothing: this transform does not depend on time."""
 
     def __call__(self, joints: Float) -> Float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.deformation.graph.stiffness import painted_stiffness, stiffness_at
+from enliven.deformation.graph.stiffness import compute_painted_stiffness, stiffness_at
 from enliven.document import Character
 
 FULL_SWING_STIFFNESS = 1.0 / 16.0
@@ -27,7 +27,7 @@ def node_stiffness(
     """Returns the stiffness factors (N,) of nodes at rest positions (N, 3), or None if all are 1. A factor is
     the painted stiffness times that of the spheres ``spots`` in the settings.
     """
-    painted, spotted = painted_stiffness(character), stiffness_at(nodes, spots)
+    painted, spotted = compute_painted_stiffness(character), stiffness_at(nodes, spots)
     return painted if spotted is None else spotted if painted is None else painted * spotted
 
 

@@ -63,7 +63,7 @@ class PoseApproach:
         """The last solution."""
         return self._solver.state()
 
-    def at(self, body: Body | None, time_ns: int) -> State:
+    def advance(self, body: Body | None, time_ns: int) -> State:
         """Returns the state at a time. While the performer is out of view, the state does not change."""
         if body is None or not self._hold.is_credible(body) or not np.isfinite(body.joints).any():
             return self.state

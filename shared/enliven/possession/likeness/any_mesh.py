@@ -55,7 +55,7 @@ def body_from_extremities(graph: DeformationGraph) -> BodyInMesh:
     feet, free = np.flatnonzero(level < _MAX_FOOT_HEIGHT), np.flatnonzero(level >= _MAX_FOOT_HEIGHT)
     free = free[np.argsort(-level[free])]
     heads = free[level[free] > level[free].max(initial=0.0) - 0.1][:2] if len(free) else free
-    yaw = _front_yaw(limbs, heads, feet)
+    yaw = _estimate_front_yaw(limbs, heads, feet)
     left, ahead = np.array([np.cos(yaw), 0, -np.sin(yaw)]), np.array([np.sin(yaw), 0, np.cos(yaw)])
     joints = np.full((J, 3), np.nan)
     legs, arms = _assign_limbs(
@@ -88,11 +88,11 @@ def find_extremities(graph: DeformationGraph) -> tuple[Int, Float, Float]:
         spread_nodes.append(int(np.argmax(nearest_distances)))
         nearest_distances = np.minimum(nearest_distances, distances.from_node(spread_nodes[-1]))
     middle_node = int(np.argmin(np.mean([distances.from_node(node) for node in spread_nodes], axis=0)))
-    tips, lengths = _prominent_peaks(distances.from_node(middle_node), graph.edges)
+    tips, lengths = _find_prominent_peaks(distances.from_node(middle_node), graph.edges)
     return tips, lengths, np.stack([distances.from_node(int(tip)) for tip in tips])
 
 
-def _prominent_peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
+def _find_prominent_peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
     """Returns the prominent peaks (T,), highest first, and the prominence (T,) of each.
 
     The prominence is the height of a peak above the saddle at which its group of nodes merges with the group
@@ -108,7 +108,7 @@ def _prominent_peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
     length: dict[int, float] = {}
     for node in np.argsort(-height, kind="stable").tolist():
         neighbour_peaks = sorted(
-            {_highest_node(peak, n) for n in neighbours[node] if n in peak}, key=lambda n: -height[n]
+            {_find_highest_node(peak, n) for n in neighbours[node] if n in peak}, key=lambda n: -height[n]
         )
         peak[node] = neighbour_peaks[0] if neighbour_peaks else node
         for top in neighbour_peaks[1:]:
@@ -122,7 +122,7 @@ def _prominent_peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
     return tips, np.array([length[int(tip)] for tip in tips])
 
 
-def _highest_node(peak: dict[int, int], node: int) -> int:
+def _find_highest_node(peak: dict[int, int], node: int) -> int:
     """Returns the highest node of the group that contains ``node``: the root of its union-find tree."""
     while peak[node] != node:
         peak[node] = peak[peak[node]]
@@ -192,7 +192,7 @@ class _Limbs:
         return np.asarray(centre + slope * step)
 
 
-def _front_yaw(limbs: _Limbs, heads: Int, feet: Int) -> float:
+def _estimate_front_yaw(limbs: _Limbs, heads: Int, feet: Int) -> float:
     """Returns the heading of the front: radians about +Y from +Z.
 
     A long mesh on four or more feet faces along its length, towards the head. A mesh on two feet faces

@@ -98,7 +98,9 @@ def find_five_ends(limb_ends: LimbEnds, max_cost: float = np.inf) -> FiveEnds | 
     distances = [of_head[rows, chosen[:, k]] for k in range(1, 5)]
     distances += [end_distances[chosen[:, a], chosen[:, b]] for a in range(1, 5) for b in range(a + 1, 5)]
     cost, trees = tree_misfit(np.stack(distances, 1))
-    cost += _omitted_limb_cost(limb_ends, end_distances, np.column_stack([first, second, chosen[:, 1:]]))
+    cost += _compute_omitted_limb_cost(
+        limb_ends, end_distances, np.column_stack([first, second, chosen[:, 1:]])
+    )
     cost += _stance_cost(limb_ends, heads, chosen)
     cheapest = np.argsort(cost, kind="stable")[:_EVALUATED_CHOICES]
     if cost[cheapest[0]] > max_cost:
@@ -172,7 +174,7 @@ def _enumerate_choices(between: Float, longest: float) -> tuple[Int, Int]:
     return heads, np.column_stack([head, ends[:, 2:]])[~clash]
 
 
-def _omitted_limb_cost(extremities: LimbEnds, between: Float, chosen: Int) -> Float:
+def _compute_omitted_limb_cost(extremities: LimbEnds, between: Float, chosen: Int) -> Float:
     """Returns the cost (K,) of the limbs that belong to none of the chosen ends (K, 6)."""
     is_near = between < _OWN_END_DISTANCE * extremities.longest
     is_near_chosen = is_near[chosen].any(1)

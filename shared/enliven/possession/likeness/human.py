@@ -72,17 +72,17 @@ def human_from_ends(limb_ends: LimbEnds, ends: FiveEnds) -> BodyInMesh:
     up = arms[:, 0].mean(0) - legs[:, 0].mean(0)
     left = _perpendicular_unit(arms[0, 0] - arms[1, 0] + legs[0, 0] - legs[1, 0], up)
     ahead = np.cross(left, unit(up))
-    front_evidence = _front_evidence(arms, legs, ahead) / height + _MODELLED_FRONT_BIAS * ahead[2]
+    front_evidence = _collect_front_evidence(arms, legs, ahead) / height + _MODELLED_FRONT_BIAS * ahead[2]
     if front_evidence < 0.0:
         arms, legs, ahead = arms[::-1], legs[::-1], -ahead
-    joints = _all_joints(arms, legs, limbs.find_skull_centre(_SKULL_FRACTION * ends.tree.head))
+    joints = _list_all_joints(arms, legs, limbs.find_skull_centre(_SKULL_FRACTION * ends.tree.head))
     order = _order_ends(ends.points, joints)
     return BodyInMesh(
         joints,
         float(np.arctan2(ahead[0], ahead[2])),
         human=True,
         ends=ends.points[order],
-        doubts=_doubt_sentences(ends, abs(front_evidence)),
+        doubts=_make_doubt_sentences(ends, abs(front_evidence)),
         strangeness=ends.cost,
     )
 
@@ -150,7 +150,7 @@ def _perpendicular_unit(vector: Float, up: Float) -> Float:
     return unit(perpendicular)
 
 
-def _front_evidence(arms: Float, legs: Float, ahead: Float) -> float:
+def _collect_front_evidence(arms: Float, legs: Float, ahead: Float) -> float:
     """Returns the evidence, metres, that ``ahead`` is the front. It is positive if toes, knees and hands are
     ahead and elbows behind.
     """
@@ -161,7 +161,7 @@ def _front_evidence(arms: Float, legs: Float, ahead: Float) -> float:
     return float((toes + knees + _ELBOW_WEIGHT * elbows + _HAND_WEIGHT * hands) @ ahead)
 
 
-def _all_joints(arms: Float, legs: Float, skull: Float) -> Float:
+def _list_all_joints(arms: Float, legs: Float, skull: Float) -> Float:
     """Returns all joints (20, 3), metres, from the joints of arms and legs (2, 4, 3 each, left first) and the
     centre of the skull.
     """
@@ -184,7 +184,7 @@ def _order_ends(points: Float, joints: Float) -> list[int]:
     return order
 
 
-def _doubt_sentences(ends: FiveEnds, sure: float) -> tuple[str, ...]:
+def _make_doubt_sentences(ends: FiveEnds, sure: float) -> tuple[str, ...]:
     """Returns a sentence about each property that is uncertain."""
     doubts = []
     if ends.margin < _MIN_COST_MARGIN:

@@ -37,7 +37,7 @@ class BodyInMesh:
     strangeness: float = 0.0
 
     @classmethod
-    def known(cls, joints: Float) -> BodyInMesh:
+    def from_joints(cls, joints: Float) -> BodyInMesh:
         """Returns the skeleton of a person with known joints (20, 3), metres in the rest space."""
         lefts = (
             joints[[Joint.HIP_LEFT, Joint.SHOULDER_LEFT]] - joints[[Joint.HIP_RIGHT, Joint.SHOULDER_RIGHT]]

@@ -78,7 +78,7 @@ _POINTS_PER_LEAF = 32
 time with SciPy's default."""
 
 
-def standing_figure(height: float = PERSON_HEIGHT_M) -> Float:
+def make_standing_figure(height: float = PERSON_HEIGHT_M) -> Float:
     """Returns the joints (20, 3), metres, of a person who stands at the origin, faces +Z and has hanging
     arms.
     """
@@ -98,7 +98,7 @@ def fit_standing_person(mesh: Mesh) -> tuple[Mesh, float]:
         surface).
     """
     height = float(np.ptp(mesh.vertices[:, 1])) or 1.0
-    yaw, offset, score = fit_figures(mesh, [standing_figure(height)])
+    yaw, offset, score = fit_figures(mesh, [make_standing_figure(height)])
     vertices = (mesh.vertices - offset) @ rotation_about_y(yaw)
     return replace(mesh, vertices=vertices), score
 

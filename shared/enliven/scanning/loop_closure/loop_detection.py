@@ -120,7 +120,7 @@ def correct_trajectory(
     """
     pieces = split_trajectory(poses, history.numbers, _SUBMAP_TRAVEL_M, _SUBMAP_ROTATION_RAD)
     placed_pieces = [_load_piece(history, piece, poses, preparation) for piece in pieces]
-    links = _all_links(placed_pieces, settings)
+    links = _find_all_links(placed_pieces, settings)
     anchors = [piece.pose for piece in placed_pieces]
     measured_ups = [ups[piece.anchor] for piece in pieces]
     corrected_anchors, trusts = optimize_poses(
@@ -171,12 +171,12 @@ def _load_piece(
     return PlacedPiece(piece, images, preparation)
 
 
-def _all_links(pieces: list[PlacedPiece], settings: ScanSettings) -> list[PoseLink]:
+def _find_all_links(pieces: list[PlacedPiece], settings: ScanSettings) -> list[PoseLink]:
     """Returns the tracked links between successive submaps, and the loops with successful alignments in both
     directions."""
     candidates = _loop_candidates(pieces)
     alignments = _candidate_alignments(pieces, candidates, settings)
-    links = [_tracked_link(pieces, n) for n in range(len(pieces) - 1)]
+    links = [_track_link(pieces, n) for n in range(len(pieces) - 1)]
     for (n, m), alignment in alignments.items():
         if (m, n) in alignments and _is_consistent(pieces, n, m, alignment, alignments[m, n]):
             links.append(_make_link(pieces, n, m, alignment))
@@ -210,7 +210,7 @@ def _candidate_alignments(
     return dict(sorted(alignments.items()))
 
 
-def _tracked_link(pieces: list[PlacedPiece], n: int) -> PoseLink:
+def _track_link(pieces: list[PlacedPiece], n: int) -> PoseLink:
     """Returns the link from submap ``n`` to the next submap, as tracking measured it."""
     relative = invert_pose(pieces[n].pose) @ pieces[n + 1].pose
     sure = np.diag([_TRACKED_SIGMA_M**-2] * 3 + [_TRACKED_SIGMA_RAD**-2] * 3)
@@ -224,17 +224,20 @@ def _loop_candidates(pieces: list[PlacedPiece]) -> set[tuple[int, int]]:
     candidates: set[tuple[int, int]] = set()
     reduced_images = [piece.small for piece in pieces]
     for m in range(_TRACKED_NEIGHBOURS + 1, len(pieces)):
-        before = pieces[: m - _TRACKED_NEIGHBOURS]
-        unseen = np.array([1.0 - _shared_view_fraction(pieces[m], other) for other in before])
+        earlier_pieces = pieces[: m - _TRACKED_NEIGHBOURS]
+        unseen = np.array([1.0 - _compute_shared_view_fraction(pieces[m], other) for other in earlier_pieces])
         unlike = image_differences(reduced_images[m], reduced_images[: m - _TRACKED_NEIGHBOURS])
-        for measure, most in ((unseen, 1.0 - _MIN_SHARED_FRACTION), (unlike, _MAX_INVERSE_DEPTH_DIFFERENCE)):
+        for measure, max_value in (
+            (unseen, 1.0 - _MIN_SHARED_FRACTION),
+            (unlike, _MAX_INVERSE_DEPTH_DIFFERENCE),
+        ):
             candidates |= {
-                (int(n), m) for n in np.argsort(measure)[:_MAX_TESTED_SUBMAPS] if measure[n] < most
+                (int(n), m) for n in np.argsort(measure)[:_MAX_TESTED_SUBMAPS] if measure[n] < max_value
             }
     return candidates
 
 
-def _shared_view_fraction(piece: PlacedPiece, other: PlacedPiece) -> float:
+def _compute_shared_view_fraction(piece: PlacedPiece, other: PlacedPiece) -> float:
     """Returns the fraction of a submap's view that the camera of another submap also sees from about the same
     side.
     """

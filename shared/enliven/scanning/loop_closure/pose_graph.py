@@ -71,7 +71,7 @@ def optimize_poses(
     is_loop = np.array([not link.sure for link in links])
     for trust_round in range(_TRUST_ROUNDS if is_loop.any() else 1):
         current = _solve_poses(current, links, trusts, measured_ups, level)
-        squares = _squared_errors(current, links)
+        squares = _compute_squared_errors(current, links)
         scale = doubt * _TOLERANCE_SHRINK ** (_TRUST_ROUNDS - 1 - trust_round)
         trusts = np.where(is_loop, (scale / (scale + squares)) ** 2, 1.0)
     return _solve_poses(current, links, trusts, measured_ups, level), trusts
@@ -87,7 +87,7 @@ def pose_graph_cost(
     """Returns half the weighted sum of squares that :func:`optimize_poses` minimizes, for given trust in the
     links.
     """
-    total = float(trusts @ _squared_errors(poses, links))
+    total = float(trusts @ _compute_squared_errors(poses, links))
     world_up = _up_direction(poses, ups)
     for pose, up in zip(poses, ups, strict=True):
         if up is not None and world_up is not None:
@@ -105,7 +105,7 @@ def link_residual(link: PoseLink, first: Float, second: Float) -> Float:
     return np.concatenate([position_error, rotation.to_rotation_vector(rotation.from_matrix(rotation_error))])
 
 
-def _squared_errors(poses: Sequence[Float], links: Sequence[PoseLink]) -> Float:
+def _compute_squared_errors(poses: Sequence[Float], links: Sequence[PoseLink]) -> Float:
     """Returns (L,) squared Mahalanobis distances of the links."""
     errors = [link_residual(link, poses[link.first], poses[link.second]) for link in links]
     return np.array([e @ link.information @ e for e, link in zip(errors, links, strict=True)])

@@ -119,10 +119,12 @@ class ObjectFollower:
         Args:
             room_from_camera: (4, 4) approximate camera pose in the room.
         """
-        alignment = self._best_pose(view, self._likely, room_from_camera)
+        alignment = self._choose_best_pose(view, self._likely, room_from_camera)
         if alignment is None or not self._is_reliable(alignment):
-            starts = [self._likely, self._pose, *self._lifted_poses(room_from_camera)]
-            retries = (self._best_pose(view, start, room_from_camera, _COARSE_VOLUME) for start in starts)
+            starts = [self._likely, self._pose, *self._lift_poses(room_from_camera)]
+            retries = (
+                self._choose_best_pose(view, start, room_from_camera, _COARSE_VOLUME) for start in starts
+            )
             candidates = [candidate for candidate in (alignment, *retries) if candidate is not None]
             alignment = max(
                 candidates, key=lambda one: (self._is_reliable(one), _fit_score(one)), default=None
@@ -132,10 +134,10 @@ class ObjectFollower:
         distance = surface_distances(self._model.volumes[_COARSE_VOLUME], view, pose)
         object_pixels = np.abs(distance) < _TRACKING_RANGE_M
         return ObjectTrackingResult(
-            sure, pose, object_pixels & self._above_ground(view, room_from_camera), alignment
+            sure, pose, object_pixels & self._is_above_ground(view, room_from_camera), alignment
         )
 
-    def _lifted_poses(self, room_from_camera: Float) -> list[Float]:
+    def _lift_poses(self, room_from_camera: Float) -> list[Float]:
         """Returns candidate camera poses (4, 4) in the object's frame, for an object that was lifted or
         turned since the last image.
         """
@@ -191,17 +193,17 @@ class ObjectFollower:
         # to a hand.
         is_new = np.isnan(distance) | (distance < -_OBJECT_DISTANCE_M)
         local = view.points @ self._pose[:3, :3].T + self._pose[:3, 3]
-        is_candidate = self._model.contains(local, _EXTENT_MARGIN_M) & self._above_ground(
+        is_candidate = self._model.contains(local, _EXTENT_MARGIN_M) & self._is_above_ground(
             view, room_from_camera
         )
         object_pixels = (
-            (is_known | (is_new & ~self._on_room_surface(view, room_from_camera)))
+            (is_known | (is_new & ~self._is_on_room_surface(view, room_from_camera)))
             & is_candidate
             & (view.worth > 0)
         )
         return object_pixels, object_pixels & is_known
 
-    def views(self) -> Iterator[tuple[DepthView, Float]]:
+    def read_views(self) -> Iterator[tuple[DepthView, Float]]:
         """Yields the fused images and their poses (4, 4), object_from_camera. The images are restricted to
         points on the current surface of the object.
         """
@@ -211,7 +213,7 @@ class ObjectFollower:
             distance = surface_distances(self._model.volumes[_FINE_VOLUME], view, pose)
             yield restrict_view(view, np.abs(distance) < _OBJECT_DISTANCE_M), pose
 
-    def _best_pose(
+    def _choose_best_pose(
         self, view: DepthView, start: Float, room_from_camera: Float, coarsest: int = 1
     ) -> Alignment | None:
         """Returns the best pose near a start pose, using only points near the surface. Returns None if too
@@ -219,7 +221,7 @@ class ObjectFollower:
         is_near = np.abs(surface_distances(self._model.volumes[_COARSE_VOLUME], view, start)) < (
             _TRACKING_RANGE_M if coarsest < _COARSE_VOLUME else _LOST_TRACKING_RANGE_M
         )
-        is_near &= self._above_ground(view, room_from_camera)
+        is_near &= self._is_above_ground(view, room_from_camera)
         if np.count_nonzero(is_near) < _MIN_OBJECT_PIXELS:
             return None
         tracker = CameraTracker(self._model.volumes, self.settings.tracking)
@@ -242,7 +244,7 @@ class ObjectFollower:
             and np.linalg.norm(displacement) < _MAX_DISPLACEMENT_M * images
         )
 
-    def _above_ground(self, view: DepthView, room_from_camera: Float) -> Bool:
+    def _is_above_ground(self, view: DepthView, room_from_camera: Float) -> Bool:
         """Returns (h, w) True for each point above the ground."""
         ground = self._rest.ground
         if ground is None:
@@ -253,7 +255,7 @@ class ObjectFollower:
         )
         return np.asarray((view.worth > 0) & (height > self.settings.cut_out.clearance))
 
-    def _on_room_surface(self, view: DepthView, room_from_camera: Float) -> Bool:
+    def _is_on_room_surface(self, view: DepthView, room_from_camera: Float) -> Bool:
         """Returns (h, w) True for each point on the room's surface. Points at the object's former place in
         the room are excluded.
         """

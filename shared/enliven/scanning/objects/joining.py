@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.meshes import Mesh
-from enliven.scanning.ground_plane import largest_component
+from enliven.scanning.ground_plane import find_largest_component
 from enliven.scanning.marching_cubes import extract_surface
 from enliven.scanning.objects.follower import ObjectFollower
 from enliven.scanning.objects.registration import align_from_starts
@@ -52,25 +52,25 @@ def merge_rests(
         earlier_surface = extract_surface(volume) if number else None
         pose = rest.object_from_room
         if earlier_surface is not None and len(earlier_surface.faces):
-            pose = _refined_pose(rest, pose, earlier_surface)
-        for count, (view, room_from_camera) in enumerate(rest.views(rest.numbers)):
+            pose = _refine_pose(rest, pose, earlier_surface)
+        for count, (view, room_from_camera) in enumerate(rest.read_views(rest.numbers)):
             volume.integrate(view, pose @ room_from_camera)
             if count % _CLEANING_INTERVAL == _CLEANING_INTERVAL - 1:
                 volume.clean()
     for follower in followers:
-        for count, (view, pose) in enumerate(follower.views()):
+        for count, (view, pose) in enumerate(follower.read_views()):
             volume.integrate(view, pose)
             if count % _CLEANING_INTERVAL == _CLEANING_INTERVAL - 1:
                 volume.clean()
-    return largest_component(extract_surface(volume))
+    return find_largest_component(extract_surface(volume))
 
 
-def _refined_pose(rest: ObjectRest, pose: Float, earlier: Mesh) -> Float:
+def _refine_pose(rest: ObjectRest, pose: Float, earlier: Mesh) -> Float:
     """Returns object_from_room (4, 4) of a rest after its surface was aligned with that of the earlier
     rests.
     """
     grid = make_nearest_grid(
-        sample_surface(largest_component(earlier), _MAX_POINTS), _CELL_M, _SEARCH_RADIUS_M
+        sample_surface(find_largest_component(earlier), _MAX_POINTS), _CELL_M, _SEARCH_RADIUS_M
     )
     poses, _ = align_from_starts(
         grid,

@@ -108,7 +108,7 @@ class MovedScanner:
             if followed is not None:
                 return followed
         if rest is not None:
-            step = rest.scanner.add(frame, up, self._doubtful_pixels(rest, frame))
+            step = rest.scanner.add(frame, up, self._find_doubtful_pixels(rest, frame))
             if step.state is not ScanState.LOST:
                 if not rest.has_moved(step):
                     self._trial = None
@@ -120,7 +120,7 @@ class MovedScanner:
                     return self._step_result(step, ObjectState.LOST, None)
         return self._try_resting(frame, up)
 
-    def _doubtful_pixels(self, rest: ObjectRest, frame: DepthFrame) -> ExcludedPixels | None:
+    def _find_doubtful_pixels(self, rest: ObjectRest, frame: DepthFrame) -> ExcludedPixels | None:
         """Returns the pixels of the object. It may begin to move, so the camera tracking may have to ignore
         them.
         """
@@ -194,18 +194,18 @@ class MovedScanner:
         is_model_full = self.model is not None and self.model.is_full
         return is_model_full or any(rest.scanner.is_full for rest in self.rests)
 
-    def surface(self, since: int = 0) -> Mesh:
+    def extract_surface(self, since: int = 0) -> Mesh:
         """Returns the surface of the first room with the object in it, as :meth:`Scanner.surface` does."""
-        return self.rests[0].scanner.surface(since)
+        return self.rests[0].scanner.extract_surface(since)
 
-    def thing(self) -> Mesh:
+    def extract_object(self) -> Mesh:
         """Returns the mesh of the object, merged from all rests: in its pose at the first rest, upright, on y
         = 0, metres.
 
         Raises:
             InputError: if no object stands on a floor.
         """
-        first_rest, surface = self.rests[0], self.surface()
+        first_rest, surface = self.rests[0], self.extract_surface()
         ground = find_ground(surface)
         self._relocate_in_all_rests()
         if len(self.rests) == 1 and not self.followed_images:
@@ -294,14 +294,14 @@ class MovedScanner:
     def _place_rest(self, rest: ObjectRest) -> bool:
         """Searches for the object in a rest. Returns True if it was found."""
         rest.search_objects(0)
-        model = self._scanned_object() if rest.parts else None
+        model = self._make_scanned_object() if rest.parts else None
         if model is None:
             return False
         size = np.linalg.norm(np.ptp(model.surface.points, axis=0))
         for number, part in enumerate(rest.parts):
             if np.linalg.norm(np.ptp(part.bounds, axis=0)) > _MAX_SIZE_RATIO * size:
                 continue
-            registration = register_part(model, rest.scanned_surface(number))
+            registration = register_part(model, rest.find_scanned_surface(number))
             if registration is not None:
                 rest.object_from_room = registration.model_from_part
                 rest.choose_part(number)
@@ -309,7 +309,7 @@ class MovedScanner:
                 return True
         return False
 
-    def _scanned_object(self) -> ScannedSurface | None:
+    def _make_scanned_object(self) -> ScannedSurface | None:
         """Returns the known surface of the object from all rests in which it was found; None if no surface is
         known.
         """

@@ -62,7 +62,7 @@ class ObjectModel:
         low, high = points.min(0), points.max(0)
         self._box = np.array([np.minimum(self._box[0], low), np.maximum(self._box[1], high)])
         numbers = rest.numbers
-        for view, room_from_camera in rest.views(numbers[:: -(-len(numbers) // _MAX_IMAGES)]):
+        for view, room_from_camera in rest.read_views(numbers[:: -(-len(numbers) // _MAX_IMAGES)]):
             self.fuse(view, pose @ room_from_camera)
 
     def begin(self, rest: ObjectRest) -> None:

@@ -119,17 +119,17 @@ def register_part(model: ScannedSurface, part: ScannedSurface) -> Registration |
         part: the current scan, in any pose.
     """
     grid = make_nearest_grid(model.surface, _GRID_CELL_M, _GRID_MARGIN_M)
-    coarse_points = part.surface.first_points(_COARSE_POINTS)
+    coarse_points = part.surface.take_first(_COARSE_POINTS)
     starts = _start_poses(model.surface, coarse_points, _START_ROTATIONS)
     poses, scores = align_from_starts(grid, coarse_points, starts, _ICP_STEPS, _MAX_SURFACE_DISTANCE_M)
-    best = _distinct_poses(poses, scores, _REFINED_CANDIDATES)
-    refinement_points = part.surface.first_points(_FINE_POINTS)
+    best = _find_distinct_poses(poses, scores, _REFINED_CANDIDATES)
+    refinement_points = part.surface.take_first(_FINE_POINTS)
     poses, agreeing = align_from_starts(
         grid, refinement_points, poses[best], _FINE_STEPS, _MAX_SURFACE_DISTANCE_M
     )
-    distinct = _distinct_poses(poses, agreeing, _REFINED_CANDIDATES)
+    distinct = _find_distinct_poses(poses, agreeing, _REFINED_CANDIDATES)
     poses, agreeing = poses[distinct], agreeing[distinct]
-    seen_through_fractions = np.array([_seen_through_fraction(model, part, pose) for pose in poses])
+    seen_through_fractions = np.array([_compute_seen_through_fraction(model, part, pose) for pose in poses])
     scores = agreeing - _SEEN_THROUGH_PENALTY * seen_through_fractions
     order = np.argsort(-scores)
     best_index = order[0]
@@ -146,14 +146,14 @@ def register_part(model: ScannedSurface, part: ScannedSurface) -> Registration |
     )
 
 
-def _seen_through_fraction(model: ScannedSurface, part: ScannedSurface, pose: Float) -> float:
+def _compute_seen_through_fraction(model: ScannedSurface, part: ScannedSurface, pose: Float) -> float:
     """Returns the fraction of a surface's points that the images of the other surface saw through, as the
     larger value of the two surfaces.
     """
-    moved_part = part.surface.first_points(_FINE_POINTS).transformed(pose)
+    moved_part = part.surface.take_first(_FINE_POINTS).transform(pose)
     part_share = seen_through(moved_part.points, model.views, _MIN_FREE_SPACE_M).mean()
     back = invert_pose(pose)
-    moved_model = model.surface.first_points(_FINE_POINTS).transformed(back)
+    moved_model = model.surface.take_first(_FINE_POINTS).transform(back)
     return float(max(part_share, seen_through(moved_model.points, part.views, _MIN_FREE_SPACE_M).mean()))
 
 
@@ -201,7 +201,7 @@ def align_from_starts(
     return poses, fractions
 
 
-def _distinct_poses(poses: Float, scores: Float, max_count: int) -> list[int]:
+def _find_distinct_poses(poses: Float, scores: Float, max_count: int) -> list[int]:
     """Returns the indices of the best poses without duplicates, best first."""
     chosen: list[int] = []
     for n in np.argsort(-scores, kind="stable"):

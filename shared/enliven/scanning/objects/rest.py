@@ -20,7 +20,7 @@ from enliven.scanning.objects.free_space import SeenDepth, seen_depth
 from enliven.scanning.objects.region import ObjectRegion, create_region, points_in_region
 from enliven.scanning.objects.registration import ScannedSurface
 from enliven.scanning.objects.surface_points import SurfacePoints, sample_surface
-from enliven.scanning.objects.vacated import vacated_fraction
+from enliven.scanning.objects.vacated import compute_vacated_fraction
 from enliven.scanning.scanner import Scanner, ScanState, ScanStep
 from enliven.scanning.settings import MIN_OVERLAP_FRACTION, ScanSettings
 
@@ -174,7 +174,7 @@ class ObjectRest:
         """Returns True if at least a fraction of one part has moved away. That part then becomes the
         object."""
         seen_through_fractions = [
-            vacated_fraction(points, view, pose, self._clearance_m) for points in self._stood
+            compute_vacated_fraction(points, view, pose, self._clearance_m) for points in self._stood
         ]
         if not seen_through_fractions or max(seen_through_fractions) < _MIN_VACATED_FRACTION:
             return False
@@ -193,7 +193,7 @@ class ObjectRest:
         points = self._stood[0]
         checked_numbers = numbers[:: max(len(numbers) // _CHECKED_IMAGES, 1)]
         fractions = [
-            vacated_fraction(
+            compute_vacated_fraction(
                 points, self.scanner.prepare_view(frame), self.scanner.poses[number][1], self._clearance_m
             )
             for number, frame in self.scanner.history.frames(checked_numbers)
@@ -217,7 +217,7 @@ class ObjectRest:
         last = self.count if self.images is None else self.images
         return [number for number in self.scanner.history.numbers if number < last]
 
-    def views(self, numbers: list[int]) -> Iterator[tuple[DepthView, Float]]:
+    def read_views(self, numbers: list[int]) -> Iterator[tuple[DepthView, Float]]:
         """Yields images restricted to the object's points, and their (4, 4) room_from_camera."""
         if self.ground is None or not self.parts:
             return
@@ -228,7 +228,7 @@ class ObjectRest:
             view, pose = self.scanner.prepare_view(frame), self.scanner.poses[number][1]
             yield restrict_view(view, points_in_region(region, view, pose)), pose
 
-    def scanned_surface(self, number: int = 0) -> ScannedSurface:
+    def find_scanned_surface(self, number: int = 0) -> ScannedSurface:
         """Returns surface points of a part, and free-space observations from some of the images, in the world
         of the room.
         """
@@ -256,8 +256,8 @@ def merge_known_surfaces(rests: Sequence[ObjectRest]) -> ScannedSurface | None:
         pose = rest.object_from_room
         if pose is None or not rest.parts:
             continue
-        surface = rest.scanned_surface()
-        moved_points = surface.surface.transformed(pose)
+        surface = rest.find_scanned_surface()
+        moved_points = surface.surface.transform(pose)
         points.append(moved_points.points)
         normals.append(moved_points.normals)
         views += [replace(v, frame_from_camera=pose @ v.frame_from_camera) for v in surface.views]

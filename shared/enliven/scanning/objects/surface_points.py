@@ -24,12 +24,12 @@ class SurfacePoints:
     points: Float
     normals: Float
 
-    def transformed(self, pose: Float) -> SurfacePoints:
+    def transform(self, pose: Float) -> SurfacePoints:
         """Returns the points after a rigid transform (4, 4)."""
         rotation_matrix = pose[:3, :3].T
         return SurfacePoints(self.points @ rotation_matrix + pose[:3, 3], self.normals @ rotation_matrix)
 
-    def first_points(self, count: int) -> SurfacePoints:
+    def take_first(self, count: int) -> SurfacePoints:
         """Returns the first ``count`` points. They are also evenly spread, because the points are in random
         order.
         """

@@ -18,7 +18,9 @@ _MIN_POINTS = 50
 """Minimum number of visible points for a decision."""
 
 
-def vacated_fraction(points: Float, view: DepthView, world_from_camera: Float, clearance: float) -> float:
+def compute_vacated_fraction(
+    points: Float, view: DepthView, world_from_camera: Float, clearance: float
+) -> float:
     """Returns the fraction, 0 to 1, of the visible points (N, 3) that an image saw through.
 
     Occluded points (behind the observed depth) are ignored, as are points at pixels with unknown depth.

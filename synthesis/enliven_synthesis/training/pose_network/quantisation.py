@@ -59,7 +59,7 @@ def quantise(exported: Path, quantised: Path, dataset: Dataset, first: int) -> N
             activation_type=_quantization.QuantType.QUInt8,
             weight_type=_quantization.QuantType.QInt8,
             op_types_to_quantize=["Conv", "Add", "Relu"],
-            nodes_to_exclude=_full_precision_layers(onnx.load(folded)),
+            nodes_to_exclude=_find_full_precision_layers(onnx.load(folded)),
             calibrate_method=_quantization.CalibrationMethod.Percentile,
             extra_options={"CalibPercentile": _RANGE_PERCENTILE},
         )
@@ -83,7 +83,7 @@ class _CalibrationReader(_quantization.CalibrationDataReader):  # type: ignore[m
         return {"image": image, "told": self._told[samples]} if len(image) else None
 
 
-def _full_precision_layers(model: Any) -> list[str]:
+def _find_full_precision_layers(model: Any) -> list[str]:
     """Returns the names of the layers that stay in full precision.
 
     They are the first convolution and the layer of the joint maps.

@@ -155,11 +155,11 @@ def measure(path: Path, dataset: Dataset) -> NetworkScores:
             inputs = {"image": batch.image, "told": condition.astype(np.float32)}
             joints, _, facing_logits, part_logits = session.run(None, inputs)
             near[k].append(np.linalg.norm(joints - batch.joints, axis=2)[people] < 0.1)
-        facing.append((facing_logits[:, :FACINGS].argmax(1) == _facing_classes(batch))[people])
+        facing.append((facing_logits[:, :FACINGS].argmax(1) == _classify_facings(batch))[people])
         persons.append((facing_logits.argmax(1) < FACINGS) == people)
         is_body = batch.parts != NOBODY
         parts.append((part_logits.argmax(1) == batch.parts)[is_body])
-    shares = [float(np.concatenate(each).mean()) for each in (*near, facing, parts, persons)]
+    shares = [float(np.concatenate(values).mean()) for values in (*near, facing, parts, persons)]
     return NetworkScores((shares[0], shares[1]), *shares[2:])
 
 
@@ -229,7 +229,7 @@ def _training_loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: TensorBatc
     return (weight * joints_off).sum() + _FACING_WEIGHT * facing_loss + _PARTS_WEIGHT * parts_loss
 
 
-def _facing_classes(batch: Batch) -> AnyArray:
+def _classify_facings(batch: Batch) -> AnyArray:
     """Returns the facing class (N,), 0 to 7, or 8 without a person."""
     classes = np.round(np.nan_to_num(batch.facing) * FACINGS / (2.0 * np.pi)).astype(np.int64) % FACINGS
     return np.where(batch.is_person, classes, FACINGS)

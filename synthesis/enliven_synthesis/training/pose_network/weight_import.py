@@ -66,9 +66,9 @@ def restore_network(path: Path, dataset: Dataset, first: int) -> PoseNetwork:
     biases = {}
     for name, layer in network.named_modules():
         if isinstance(layer, (nn.Conv2d, nn.Linear)):
-            layer.weight.data = _checked_weights(weights, f"{name}.weight", tuple(layer.weight.shape), path)
+            layer.weight.data = _check_weights(weights, f"{name}.weight", tuple(layer.weight.shape), path)
             bias = f"{name}.bias" if layer.bias is not None else f"{name}.weight_bias"
-            biases[name] = _checked_weights(weights, bias, (layer.weight.shape[0],), path)
+            biases[name] = _check_weights(weights, bias, (layer.weight.shape[0],), path)
             if layer.bias is not None:
                 layer.bias.data = biases[name]
     hooks = [
@@ -120,7 +120,7 @@ def _read_weights(path: Path) -> dict[str, Float32]:
         raise _mismatch_error(
             path, f"the file cannot be read as a network ({type(error).__name__})"
         ) from None
-    arrays = {each.name: numpy_helper.to_array(each) for each in graph.initializer}
+    arrays = {initializer.name: numpy_helper.to_array(initializer) for initializer in graph.initializer}
     weights = {name: array for name, array in arrays.items() if array.dtype == np.float32}
     for node in graph.node:
         if node.op_type == "DequantizeLinear" and node.input[0] in arrays:
@@ -131,7 +131,7 @@ def _read_weights(path: Path) -> dict[str, Float32]:
     return weights
 
 
-def _checked_weights(weights: dict[str, Float32], name: str, shape: tuple[int, ...], path: Path) -> Tensor:
+def _check_weights(weights: dict[str, Float32], name: str, shape: tuple[int, ...], path: Path) -> Tensor:
     """Returns the weights with a name, after checking their shape.
 
     Raises:

@@ -256,7 +256,7 @@ def test_a_rehearsal_is_all_of_one_sensor_over_its_losses_and_lenses(tmp_path):
             diary.frame(frame, None)
             diary.frame(replace(frame, sensor="right", depth=frame.depth + np.uint16(7)), None)
             if number == 1:
-                diary.failed(SensorFault("it was unplugged"))
+                diary.write_error(SensorFault("it was unplugged"))
     with open_sensor("orbbec", rehearse=str(tmp_path / "two.mcap")) as sensor:
         seen = list(iter(lambda: next_frame(sensor), None))
     assert [frame.sequence for frame in seen] == list(range(len(sizes)))

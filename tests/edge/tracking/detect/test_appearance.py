@@ -16,8 +16,8 @@ from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.detect.appearance import (
     CAPSULE_PARTS,
     chest_facing,
+    compute_facing_score,
     estimate_at_points,
-    facing_score,
     flip_posture,
     network_agreement,
 )
@@ -168,7 +168,7 @@ def test_facing_is_measured_from_the_sensor_anticlockwise_from_above():
 @settings(max_examples=30, deadline=None)
 def test_posture_with_the_observed_facing_scores_best(yaw):
     seen = seen_as(estimate_of(standing().joints(), ways=ways_of(standing(yaw), 4.0)))
-    scores = [facing_score(seen, standing(yaw + off), EYE) for off in (0.0, 1.0, 2.0, np.pi)]
+    scores = [compute_facing_score(seen, standing(yaw + off), EYE) for off in (0.0, 1.0, 2.0, np.pi)]
     assert scores == sorted(scores, reverse=True)
     assert scores[0] - scores[3] > 6.0
 
@@ -179,7 +179,7 @@ def test_a_way_between_two_is_as_likely_as_both(seed, way):
     ways = np.random.default_rng(seed).normal(0, 2, FACINGS)
     seen, eighth = seen_as(estimate_of(standing().joints(), ways=ways)), np.pi / 4
     here, next_, between = (
-        facing_score(seen, standing(turn * eighth), EYE) - 0.5 * np.cos(turn * eighth)
+        compute_facing_score(seen, standing(turn * eighth), EYE) - 0.5 * np.cos(turn * eighth)
         for turn in (way, way + 1, way + 0.25)
     )
     assert here == pytest.approx(ways[way] - ways.max(), abs=1e-6)
@@ -188,7 +188,7 @@ def test_a_way_between_two_is_as_likely_as_both(seed, way):
 
 def test_ambiguous_facing_defaults_to_the_sensor():
     seen = seen_as(estimate_of(standing().joints()))
-    assert facing_score(seen, standing(), EYE) > facing_score(seen, standing(np.pi), EYE)
+    assert compute_facing_score(seen, standing(), EYE) > compute_facing_score(seen, standing(np.pi), EYE)
 
 
 def test_the_parts_at_the_points_are_those_of_the_picture():
@@ -213,7 +213,10 @@ def test_network_distinguishes_front_and_back_for_most():
                 observation.points.mean(0).astype(float), joint_limits.standing_pose(), standing().lengths
             )
             right.append(
-                (facing_score(seen, front, eye) > facing_score(seen, flip_posture(front), eye))
+                (
+                    compute_facing_score(seen, front, eye)
+                    > compute_facing_score(seen, flip_posture(front), eye)
+                )
                 == (name != "back")
             )
     assert np.mean(right) > FRONT_TOLD

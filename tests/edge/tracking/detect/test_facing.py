@@ -12,7 +12,7 @@ from enliven_edge.tracking.body_model.posture import (
     facing_direction,
     rotation,
 )
-from enliven_edge.tracking.detect.appearance import EstimateAtPoints, facing_score, flip_posture
+from enliven_edge.tracking.detect.appearance import EstimateAtPoints, compute_facing_score, flip_posture
 from enliven_edge.tracking.detect.fit_quality import Facing, _advantage, leaning_backward
 
 
@@ -138,7 +138,7 @@ def test_a_frames_evidence_is_the_difference_to_the_posture_turned_about(seed):
     posture, velocity = any_posture(random), random.normal(0, 0.7, 3)
     sighting = seen_as(estimate_of(posture.joints(), ways=random.normal(0, 2, 8)))
     turned = flip_posture(posture)
-    slow = facing_score(sighting, posture, EYE) - facing_score(sighting, turned, EYE)
+    slow = compute_facing_score(sighting, posture, EYE) - compute_facing_score(sighting, turned, EYE)
     speed = np.linalg.norm(velocity[[0, 2]])
     plainly = np.clip((speed - 0.45) / 0.45, 0.0, 1.0)
     slow += 4.5 * plainly * (velocity[[0, 2]] / speed) @ forward_in_plan(posture)

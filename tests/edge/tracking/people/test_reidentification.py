@@ -25,7 +25,7 @@ def looks(height, frames=20, noise=0.0, seed=0):
 
 def test_numbers_are_never_given_twice():
     gallery = PersonGallery(PeopleSettings())
-    assert [gallery.new_id() for _ in range(3)] == [1, 2, 3]
+    assert [gallery.make_new_id() for _ in range(3)] == [1, 2, 3]
 
 
 @given(st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=60), st.floats(0.0, 1.0))

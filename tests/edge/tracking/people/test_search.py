@@ -124,12 +124,12 @@ def test_unions_are_all_parts_then_pairs_the_largest_first(count, seed):
 def test_no_person_is_guessed_high_on_a_wall(scene, monkeypatch):
     view, mask = scene
     looks = looking()
-    assert run_to_end(looks.best_guess(view, [newcomer(view, mask)], alone=True))
+    assert run_to_end(looks.find_best_guess(view, [newcomer(view, mask)], alone=True))
     lifted = MOUNT.copy()
     lifted[1, 3] += 0.6
     high = replace(view, points=world_points(view.z, view.camera.ray, lifted), world_from_camera=lifted)
     monkeypatch.setattr(search, "_is_probably_person", lambda *_: True)
-    assert not run_to_end(looks.best_guess(high, [newcomer(high, mask)], alone=True))
+    assert not run_to_end(looks.find_best_guess(high, [newcomer(high, mask)], alone=True))
 
 
 def test_an_area_is_that_of_the_pixels_themselves(scene):

@@ -14,7 +14,7 @@ from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.fit.gauss_newton import apply_step
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.people.person import heights_around, mean_point
-from enliven_edge.tracking.people.visibility import occluded_fractions, visible_trunk_fraction
+from enliven_edge.tracking.people.visibility import compute_occluded_fractions, compute_visible_trunk_fraction
 
 CAMERA = WorkingCamera(Intrinsics(80, 60, 50, 48, 39.2, 29.7), 80)
 MOUNT = world_from_level_camera(1.2)
@@ -82,7 +82,7 @@ def test_occlusion_matches_per_sample_reference(seed):
     random = np.random.default_rng(seed)
     view, posture, owner = random_view(random), random_person(random), random.integers(-1, 2, SHAPE)
     inside, behind, own = samples_slowly(view, posture, owner == 1)
-    assert occluded_fractions(view, posture, owner, 1) == pytest.approx(
+    assert compute_occluded_fractions(view, posture, owner, 1) == pytest.approx(
         (np.mean(behind & ~own), np.mean(~inside))
     )
 
@@ -96,29 +96,29 @@ def test_visible_trunk_fraction_matches_the_slow_reference(seed, share):
     inside, behind, own = samples_slowly(view, posture, pixels, TRUNK)
     due = inside & (own | ~behind)
     expected = np.count_nonzero(own & due) / (due.sum() if due.mean() >= 0.25 else len(due))
-    assert visible_trunk_fraction(view, posture, pixels) == pytest.approx(expected)
+    assert compute_visible_trunk_fraction(view, posture, pixels) == pytest.approx(expected)
 
 
 def test_unoccluded_person_is_fully_visible():
-    assert occluded_fractions(view_of(wall()), person(), np.full(SHAPE, -1), 0) == (0.0, 0.0)
-    assert visible_trunk_fraction(view_of(wall()), person(), np.ones(SHAPE, bool)) == 1.0
-    assert visible_trunk_fraction(view_of(wall()), person(), np.zeros(SHAPE, bool)) == 0.0
+    assert compute_occluded_fractions(view_of(wall()), person(), np.full(SHAPE, -1), 0) == (0.0, 0.0)
+    assert compute_visible_trunk_fraction(view_of(wall()), person(), np.ones(SHAPE, bool)) == 1.0
+    assert compute_visible_trunk_fraction(view_of(wall()), person(), np.zeros(SHAPE, bool)) == 0.0
 
 
 def test_board_occludes_a_person_except_at_their_own_pixels():
     board = view_of(wall(1.0))
-    assert occluded_fractions(board, person(), np.full(SHAPE, -1), 0) == (1.0, 0.0)
-    assert occluded_fractions(board, person(), np.zeros(SHAPE, np.int64), 0) == (0.0, 0.0)
+    assert compute_occluded_fractions(board, person(), np.full(SHAPE, -1), 0) == (1.0, 0.0)
+    assert compute_occluded_fractions(board, person(), np.zeros(SHAPE, np.int64), 0) == (0.0, 0.0)
 
 
 def test_missing_depth_does_not_occlude():
-    assert occluded_fractions(view_of(np.zeros(SHAPE)), person(), np.full(SHAPE, -1), 0) == (0.0, 0.0)
+    assert compute_occluded_fractions(view_of(np.zeros(SHAPE)), person(), np.full(SHAPE, -1), 0) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("away", [person(z=2.0), person(x=9.0)])
 def test_person_next_to_or_behind_sensor_is_outside_the_image(away):
-    assert occluded_fractions(view_of(wall(1.0)), away, np.full(SHAPE, -1), 0) == (0.0, 1.0)
-    assert visible_trunk_fraction(view_of(wall(1.0)), away, np.ones(SHAPE, bool)) == 0.0
+    assert compute_occluded_fractions(view_of(wall(1.0)), away, np.full(SHAPE, -1), 0) == (0.0, 1.0)
+    assert compute_visible_trunk_fraction(view_of(wall(1.0)), away, np.ones(SHAPE, bool)) == 0.0
 
 
 @given(st.integers(0, 100_000), st.floats(0.1, 1.0))

@@ -16,7 +16,7 @@ from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.project import Project, are_identical
 from enliven.document.puppet import Plane
 from enliven.errors import InputError
-from enliven.examples.puppet_motion import evaluate_state, solve_layer_motion, to_world_frame
+from enliven.examples.puppet_motion import convert_to_world_frame, evaluate_state, solve_layer_motion
 from enliven.formats.project.file import project_bytes
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.edits import (
@@ -65,7 +65,7 @@ def world(project, time, puppet="stool"):
     """Returns (P, 3) world positions of the control points, metres."""
     character = project.puppets[puppet]
     state = evaluate_state(project, character, time)
-    return to_world_frame(character, state, state.places)
+    return convert_to_world_frame(character, state, state.places)
 
 
 def test_edit_does_not_change_the_original_project():

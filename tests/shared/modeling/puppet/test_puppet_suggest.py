@@ -15,15 +15,15 @@ from enliven.examples.puppet_motion import evaluate_state
 from enliven.modeling.puppet.edits import make_puppet
 from enliven.modeling.puppet.points import add_point, change_point
 from enliven.modeling.puppet.suggest import (
-    suggested_joint,
-    suggested_pairs,
-    suggested_puppet,
-    suggested_vertices,
+    suggest_extremities,
+    suggest_joint,
+    suggest_pairs,
+    suggest_puppet,
 )
 
 
 def suggested(mesh, **how):
-    return suggested_puppet(Project().with_takes(walker()), mesh, "walk", "it", **how)
+    return suggest_puppet(Project().with_takes(walker()), mesh, "walk", "it", **how)
 
 
 def test_the_studio_and_the_command_suggest_the_same():
@@ -32,9 +32,9 @@ def test_the_studio_and_the_command_suggest_the_same():
     """
     cactus = suggested(make_cactus(), points=6, poses=2).puppets["it"]
     project = make_puppet(Project().with_takes(walker()), make_cactus(), "it")
-    for vertex in suggested_vertices(cactus.mesh, 6):
+    for vertex in suggest_extremities(cactus.mesh, 6):
         project = add_point(project, "it", vertex)
-    pairs = suggested_pairs(project, "it", "walk")
+    pairs = suggest_pairs(project, "it", "walk")
     points = {point.name: point for point in project.puppets["it"].points}
     placements = {(points[pair.point].vertex, pair.joint, pair.foot) for pair in pairs}
     assert {(point.vertex, point.joint, point.foot) for point in cactus.points} <= placements
@@ -46,10 +46,10 @@ def test_suggestion_keeps_pairs_and_mirrors_them():
         project = add_point(project, "it", nearest(stool(), place))
     names = [point.name for point in project.puppets["it"].points]
     project = change_point(project, "it", names[1], joint="RightFoot")
-    pairs = {pair.point: pair.joint for pair in suggested_pairs(project, "it", "walk")}
+    pairs = {pair.point: pair.joint for pair in suggest_pairs(project, "it", "walk")}
     assert names[1] not in pairs and pairs[names[0]] == "LeftFoot"
     assert {pairs[names[2]], pairs[names[3]]} == {"LeftHand", "RightHand"}
-    assert suggested_joint(project, "it", "walk", names[1]) == "RightHand"
+    assert suggest_joint(project, "it", "walk", names[1]) == "RightHand"
 
 
 def test_suggested_puppet_only_needs_poses():
@@ -86,4 +86,4 @@ def test_motionless_take_is_refused():
     clip = walker()
     still = type(clip)("still", clip.skeleton, clip.turns[[0, 0]], clip.root[[0, 0]], clip.step)
     with pytest.raises(InputError, match="the performer does not move"):
-        suggested_puppet(Project().with_takes(still), stool(), "still", "it")
+        suggest_puppet(Project().with_takes(still), stool(), "still", "it")

@@ -11,7 +11,7 @@ from enliven.document.project import are_identical
 from enliven.document.puppet import Plane, PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.puppet_examples import find_missing_examples
-from enliven.examples.puppet_motion import evaluate_state, to_world_frame
+from enliven.examples.puppet_motion import convert_to_world_frame, evaluate_state
 from enliven.formats.project.file import parse_project, project_bytes
 from enliven.modeling.edits import copy_character, merge_characters, move_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
@@ -33,7 +33,7 @@ def seen(project, name, time):
     """Returns (V, 3) world positions, metres."""
     puppet = project.puppet(name)
     state = evaluate_state(project, puppet, time)
-    return to_world_frame(puppet, state, surface_of_puppet(puppet).solve_from_rest(state.places))
+    return convert_to_world_frame(puppet, state, surface_of_puppet(puppet).solve_from_rest(state.places))
 
 
 def size_of(project, name="bean"):

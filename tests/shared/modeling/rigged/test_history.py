@@ -42,7 +42,7 @@ def random_edit(project, random):
             return "merge", merge(project, shape_id, j, other, time, at=at)[0]
         case 4:
             if len(project.shapes) > 5:
-                return "delete", project.without(shape_id)
+                return "delete", project.drop_character(shape_id)
             return "copy", copy_character(project, shape_id, offset=random.normal(size=3))[0]
         case 5:
             return "mirror", mirror_character(project, shape_id, random.normal(size=3))
@@ -170,5 +170,5 @@ def test_single_changed_bit_is_detected():
     zero = project.with_characters(shape.with_changes(place=np.zeros(3)))
     minus = project.with_characters(shape.with_changes(place=-np.zeros(3)))
     assert not are_identical(zero, minus)
-    assert not are_identical(project, project.without("shape 1"))
+    assert not are_identical(project, project.drop_character("shape 1"))
     assert not are_identical(1, 1.0)

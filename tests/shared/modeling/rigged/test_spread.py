@@ -15,7 +15,7 @@ from enliven.document.project import Project
 from enliven.document.rigged import still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.matching.symmetry import equal_limbs
+from enliven.matching.symmetry import find_equal_limbs
 from enliven.modeling.rigged.spread import spread_motion
 from enliven.motion.layers.evaluate import evaluate_pose
 from enliven.motion.layers.retarget import bind_chain
@@ -62,7 +62,7 @@ MIRRORED = [np.eye(3), np.diag([-1.0, 1.0, 1.0])]
 @settings(max_examples=10, deadline=None)
 def test_the_copies_move_alike_and_later(linears, mirrored, seed, delay):
     skeleton = star(linears)
-    (group,) = equal_limbs(skeleton)
+    (group,) = find_equal_limbs(skeleton)
     before = animated(skeleton, seed, mirrored)
     after = spread_motion(before, "star", group, 2, delay=delay)
     own = group.limb_of(2)
@@ -73,12 +73,12 @@ def test_the_copies_move_alike_and_later(linears, mirrored, seed, delay):
         later = seconds - delay * ((other - own) % len(group.limbs))
         then = evaluate_pose(before, "star", later).joints
         for start, end in group.joint_map(own, other).items():
-            np.testing.assert_allclose(now[end], group.between(own, other) @ then[start], atol=1e-9)
+            np.testing.assert_allclose(now[end], group.get_map(own, other) @ then[start], atol=1e-9)
 
 
 def test_spreading_again_leaves_no_layer_behind():
     skeleton = star(TURNS)
-    (group,) = equal_limbs(skeleton)
+    (group,) = find_equal_limbs(skeleton)
     once = spread_motion(animated(skeleton, 1), "star", group, 1, delay=0.1)
     again = spread_motion(once, "star", group, 1, delay=0.2)
     assert len(once.layer_names) == len(again.layer_names) == 5
@@ -87,7 +87,7 @@ def test_spreading_again_leaves_no_layer_behind():
 
 def test_a_limb_without_motion_or_of_another_group_is_refused():
     skeleton = star(MIRRORED)
-    (group,) = equal_limbs(skeleton)
+    (group,) = find_equal_limbs(skeleton)
     project = animated(skeleton, 1)
     with pytest.raises(InputError, match="no take moves"):
         spread_motion(project, "star", group, 5)

@@ -118,7 +118,7 @@ def test_pose_has_requested_rotation_at_its_time(seed, time):
     assert angle(compute_pose(edited, edited.shape("shape 0"), time)[0][j], world) < 1e-9
     turned = turn_bone(project, "shape 0", j, turn, time)
     before, after = compute_pose(project, shape, time), compute_pose(turned, turned.shape("shape 0"), time)
-    below = list(shape.skeleton.below(j))
+    below = list(shape.skeleton.list_subtree(j))
     apart = [i for i in range(len(shape.skeleton)) if i not in below]
     assert angle(after[0][below], multiply(turn, before[0][below])) < 1e-9
     assert_alike(after[1][apart], before[1][apart])

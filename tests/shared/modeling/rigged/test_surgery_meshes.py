@@ -11,7 +11,7 @@ from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.edits import copy_character, move_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut, StrokeCut
-from enliven.modeling.mesh.meshes import posed_vertices
+from enliven.modeling.mesh.meshes import compute_posed_vertices
 from enliven.modeling.rigged.cutting import cut_bone
 from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
@@ -30,7 +30,7 @@ def arm():
 def surface(project, shape_id, time):
     shape = project.shape(shape_id)
     pose = pose_with_stretch(project, shape, time)
-    return posed_vertices(shape, pose.linear, pose.joints)
+    return compute_posed_vertices(shape, pose.linear, pose.joints)
 
 
 def volume(vertices, faces):
@@ -207,11 +207,11 @@ def fork(arm):
         project, copy = copy_character(project, "arm" if degrees > 0 else "copied")
         if degrees > 0:
             kept = project.shape(copy).with_changes(id="copied")
-            project = project.without(copy).with_characters(kept)
+            project = project.drop_character(copy).with_characters(kept)
             project, copy = copy_character(project, "copied")
         project = turn_bone(project, copy, 0, about_z(degrees))
         project, _ = merge(project, "arm", "arm 2", copy)
-    return project.without("copied")
+    return project.drop_character("copied")
 
 
 @pytest.mark.parametrize("time", [None, 0.0, 0.8])
@@ -233,7 +233,7 @@ def test_a_stroke_through_two_limbs_takes_both_off(fork, time):
             if name in seen:
                 assert angle(turn, seen[name]) < 1e-9
                 np.testing.assert_allclose(place, where[name], atol=1e-9)
-        sides = plane.field(surface(edited, part, time))
+        sides = plane.compute_distances(surface(edited, part, time))
         assert (sides < 0.15).all() if part == "arm" else (sides > -0.15).all()
     total = sum(volume(edited.shape(i).mesh.vertices, edited.shape(i).mesh.faces) for i in ids)
     whole = fork.shape("arm").mesh

@@ -97,9 +97,9 @@ class RenderTarget:
 
     def pixels(self) -> UInt8:
         """Returns (H, W, 3) sRGB of the resolved image, top row first."""
-        return flip_rows(self.raw())
+        return flip_rows(self.read_raw())
 
-    def raw(self) -> UInt8:
+    def read_raw(self) -> UInt8:
         """Returns the resolved image (H, W, 4) as stored by OpenGL, bottom row first."""
         width, height = self.size
         return np.frombuffer(self.resolved.read(components=4), np.uint8).reshape(height, width, 4)

@@ -89,9 +89,9 @@ def _paint(
         rows[rows_of_material, 4:8] = np.array(material.base, np.float32)
         rows[rows_of_material, 8:10] = material.metallic, material.roughness
         rows[rows_of_material, 10:13] = material.emissive
-        for at, (number, (a, b, c, d, e, f)) in enumerate(part.texture_mappings):
+        for slot, (number, (a, b, c, d, e, f)) in enumerate(part.texture_mappings):
             u, v = mesh_materials.uvs[face[rows_of_material], corner[rows_of_material], number].T
-            rows[rows_of_material, 2 * at], rows[rows_of_material, 2 * at + 1] = (
+            rows[rows_of_material, 2 * slot], rows[rows_of_material, 2 * slot + 1] = (
                 a * u + b * v + c,
                 d * u + e * v + f,
             )

@@ -46,7 +46,7 @@ class Part:
     def defines(self) -> tuple[str, ...]:
         """Returns the preprocessor defines of the batch's shaders."""
         places = ("uv.xy", "uv.zw")
-        map_defines = tuple(f"{name.upper()}_MAP {places[at]}" for name, _, at in self.maps)
+        map_defines = tuple(f"{name.upper()}_MAP {places[map_slot]}" for name, _, map_slot in self.maps)
         flags = ("UNLIT",) * self.unlit + ("EMISSIVE",) * self.glows
         return map_defines + flags + (self.alpha,) * (self.alpha != "OPAQUE")
 

@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from enliven.arrays import UInt8
-from enliven.errors import InputError, plain_reason
+from enliven.errors import InputError, find_plain_reason
 from enliven.meshes import Texture, open_picture
 
 _ANISOTROPY = 4.0
@@ -161,5 +161,5 @@ def _decode_pixels(source: Texture, max_side: int) -> UInt8:
             rgba_picture.thumbnail((max_side, max_side), Image.Resampling.BOX)
             return np.asarray(rgba_picture, np.uint8)
     except Exception as error:  # Third-party decoders may raise any exception for untrusted bytes.
-        log.warning("a texture cannot be read, so it is drawn white: %s", plain_reason(error))
+        log.warning("a texture cannot be read, so it is drawn white: %s", find_plain_reason(error))
         return _WHITE_PIXEL

@@ -96,7 +96,7 @@ class Canvas(Pen):
         imgui.destroy_context(self._imgui)
 
     @contextmanager
-    def over(self, target: moderngl.Framebuffer) -> Iterator[None]:
+    def draw_over(self, target: moderngl.Framebuffer) -> Iterator[None]:
         """Draws everything that is added inside this context onto a framebuffer."""
         imgui.set_current_context(self._imgui)
         imgui.get_io().display_size = target.size

@@ -29,14 +29,14 @@ def score_match(typed: str, name: str) -> float | None:
         matches = [
             (
                 max(
-                    score + (_CONSECUTIVE_SCORE if position == before + 1 else 0.0)
-                    for score, before in best
-                    if before < position
+                    score + (_CONSECUTIVE_SCORE if position == last_position + 1 else 0.0)
+                    for score, last_position in best
+                    if last_position < position
                 ),
                 position,
             )
             for position, text_letter in enumerate(text)
-            if text_letter == letter and any(before < position for _, before in best)
+            if text_letter == letter and any(last_position < position for _, last_position in best)
         ]
         best = [
             (
@@ -59,10 +59,10 @@ def rank_actions(typed: str, actions: Iterable[Action]) -> list[Action]:
     """Returns the matching actions, best match first. Without letters, returns all in their order."""
     scored = []
     for action in actions:
-        label, about = tr(action.label), tr(action.about)
+        label, description = tr(action.label), tr(action.about)
         plain = _find_best_score(typed, action.label, label)
         width = _find_best_score(
-            typed, f"{action.label} {action.menu} {action.about}", f"{label} {action.menu} {about}"
+            typed, f"{action.label} {action.menu} {action.about}", f"{label} {action.menu} {description}"
         )
         if plain is not None or width is not None:
             scored.append((plain if plain is not None else (width or 0.0) - _OTHER_TEXT_PENALTY, action))

@@ -53,11 +53,11 @@ class ActionTable:
             )
         for action in actions:
             rivals = [other for other in self if other.conflicts_with(action)]
-            taken = [(key, other) for key in action.keys for other in rivals if key in other.keys]
-            if action.id in self._actions or taken:
+            conflicts = [(key, other) for key in action.keys for other in rivals if key in other.keys]
+            if action.id in self._actions or conflicts:
                 problem = (
-                    f"the shortcut {taken[0][0]} is already used by {taken[0][1].id}"
-                    if taken
+                    f"the shortcut {conflicts[0][0]} is already used by {conflicts[0][1].id}"
+                    if conflicts
                     else "this action id exists already"
                 )
                 raise InputError(
@@ -140,8 +140,10 @@ class ActionTable:
 
     def find_conflict(self, action_id: str, key: str) -> Action | None:
         """Returns another action with the same shortcut that would conflict with this action."""
-        wanted = self._actions[action_id]
-        others = (action for action in self if action is not wanted and action.conflicts_with(wanted))
+        wanted_action = self._actions[action_id]
+        others = (
+            action for action in self if action is not wanted_action and action.conflicts_with(wanted_action)
+        )
         return next((action for action in others if key in self.find_shortcuts(action)), None)
 
     def set_shortcut(self, action_id: str, key: str) -> None:

@@ -31,46 +31,46 @@ def draw_slider(
     """
     imgui.set_next_item_width(-1)
     if isinstance(low, int):
-        changed, wanted = imgui.slider_int(f"##{name}", int(value), low, int(high), tr(number_format))
+        changed, new_value = imgui.slider_int(f"##{name}", int(value), low, int(high), tr(number_format))
     else:
         # Use a logarithmic scale for a range over several powers of ten.
         flags = imgui.SliderFlags_.logarithmic if low > 0.0 and high / low > 1e3 else 0
-        changed, wanted = imgui.slider_float(f"##{name}", value, low, high, tr(number_format), flags)
+        changed, new_value = imgui.slider_float(f"##{name}", value, low, high, tr(number_format), flags)
     app.remember(name)
     if changed:
-        app.editor.preview_edit(lambda project: change(project, wanted))
+        app.editor.preview_edit(lambda project: change(project, new_value))
     if imgui.is_item_deactivated_after_edit():
-        last = wanted if changed else value
+        last = new_value if changed else value
         app.editor.edit(later("change {0}", later(name.partition(" ")[2] or name)), lambda p: change(p, last))
 
 
 def draw_switch(app: App, label: str, on: bool, change: Change, tip: str = "") -> None:
     """Draws a checkbox. A click makes one edit."""
-    toggled, wanted = imgui.checkbox(f"{tr(label)}###{label}", on)
+    toggled, is_on = imgui.checkbox(f"{tr(label)}###{label}", on)
     app.remember(label)
     draw_tooltip(tip)
     if toggled:
-        app.editor.edit(label, lambda project: change(project, wanted))
+        app.editor.edit(label, lambda project: change(project, is_on))
 
 
 def draw_name_field(app: App, key: str, name: str, rename: Callable[[str], object]) -> None:
     """Draws an editable name. ``rename`` is called with a changed name."""
     imgui.set_next_item_width(-1)
     flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
-    typed, wanted = imgui.input_text(f"##{key}", name, flags)
+    typed, new_name = imgui.input_text(f"##{key}", name, flags)
     app.remember(key)
-    if typed and wanted.strip() and wanted.strip() != name:
-        rename(wanted.strip())
+    if typed and new_name.strip() and new_name.strip() != name:
+        rename(new_name.strip())
 
 
 def draw_character_name(app: App, character: RigBase) -> None:
     """Draws the field of a character's name. Renaming keeps the selection."""
-    editor, before = app.editor, app.editor.selection
+    editor, old_selection = app.editor, app.editor.selection
 
     def rename(wanted: str) -> None:
         if editor.edit("rename", lambda project: rename_character(project, character.id, wanted)):
             editor.select(character=wanted)
-            editor.select(handle=before.handle, layer=before.layer)
+            editor.select(handle=old_selection.handle, layer=old_selection.layer)
 
     draw_name_field(app, "name", character.id, rename)
 

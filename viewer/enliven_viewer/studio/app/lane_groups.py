@@ -29,10 +29,10 @@ def group_layers(
         for number, layer in enumerate(playing):
             if number in hidden:
                 continue
-            few = sum(other.take == layer.take for other in playing) <= _MAX_TAKE_LANES
-            alone = number if few and layer.source == "takes" else -1
+            is_small_group = sum(other.take == layer.take for other in playing) <= _MAX_TAKE_LANES
+            own_lane = number if is_small_group and layer.source == "takes" else -1
             group_key = (layer.take, layer.muted, layer.list_timing_values())
-            groups.setdefault((key, *group_key, alone), []).append(number)
+            groups.setdefault((key, *group_key, own_lane), []).append(number)
     return tuple((str(group[0]), tuple(numbers)) for group, numbers in groups.items())
 
 
@@ -50,7 +50,9 @@ def _find_hidden_layers(playing: Sequence[LayerBase], opened: Collection[str]) -
             takes_by_group.setdefault(layer.alternatives, {}).setdefault(layer.recorded, []).append(number)
     hidden = set[int]()
     for takes in takes_by_group.values():
-        audible_names = [name for name, some in takes.items() if not all(playing[k].muted for k in some)]
+        audible_names = [
+            name for name, layer_numbers in takes.items() if not all(playing[k].muted for k in layer_numbers)
+        ]
         shown_name = audible_names[-1] if audible_names else list(takes)[-1]
-        hidden.update(k for name, some in takes.items() if name != shown_name for k in some)
+        hidden.update(k for name, layer_numbers in takes.items() if name != shown_name for k in layer_numbers)
     return hidden

@@ -49,7 +49,7 @@ class Area(NamedTuple):
     width: float
     height: float
 
-    def holds(self, x: float, y: float) -> bool:
+    def contains(self, x: float, y: float) -> bool:
         """Returns True if a pixel is inside the rectangle."""
         return self.x <= x < self.x + self.width and self.y <= y < self.y + self.height
 

@@ -86,10 +86,10 @@ class _Reader:
     def _read_product(self) -> float:
         value = self._read_value()
         while self.remaining_tokens and self.remaining_tokens[-1] in "*/":
-            times, by = self.remaining_tokens.pop() == "*", self._read_value()
-            if not times and by == 0.0:
+            times, operand = self.remaining_tokens.pop() == "*", self._read_value()
+            if not times and operand == 0.0:
                 raise self.make_error(tr("the formula divides by zero"))
-            value = value * by if times else value / by
+            value = value * operand if times else value / operand
         return value
 
     def _read_value(self) -> float:

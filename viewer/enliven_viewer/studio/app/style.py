@@ -107,8 +107,8 @@ def apply_colours() -> None:
         kind.nav_cursor: (*amber, 0.6),
         kind.modal_window_dim_bg: DIMMED,
     }
-    for which, colour in colours.items():
-        style.set_color_(which, ImVec4(*colour))
+    for colour_slot, colour in colours.items():
+        style.set_color_(colour_slot, ImVec4(*colour))
 
 
 def pack_colour(colour: Colour, opacity: float = 1.0) -> int:
@@ -196,7 +196,7 @@ def draw_note(text: str) -> None:
         imgui.pop_text_wrap_pos()
 
 
-def to_screen_pixels(width: float, height: float) -> tuple[int, int]:
+def convert_to_screen_pixels(width: float, height: float) -> tuple[int, int]:
     """Returns the size in screen pixels for a size in logical pixels. It is at least 1."""
     scale = imgui.get_io().display_framebuffer_scale.y
     return max(round(width * scale), 1), max(round(height * scale), 1)

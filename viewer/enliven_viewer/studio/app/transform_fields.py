@@ -45,8 +45,8 @@ def draw_transform_fields(app: App) -> None:
         tr("Height"), tr("Height of the chosen shapes. You can also type a percentage, such as 150 %")
     )
     imgui.same_line(_LABEL_WIDTH + 12)
-    more = {"percent": height / 100.0}
-    draw_number_field(app, "tall", height, LENGTH, figures.set_height, **more)
+    units = {"percent": height / 100.0}
+    draw_number_field(app, "tall", height, LENGTH, figures.set_height, **units)
     _draw_start_time(app)
 
 
@@ -98,6 +98,6 @@ def draw_number_field(
     if imgui.is_item_active():
         typing[key] = typed
     elif key in typing:
-        wanted = typing.pop(key)
-        if wanted.strip() not in ("", shown):
-            app.run_and_report(lambda: change(quantity.parse_value(wanted, **more)))
+        typed_text = typing.pop(key)
+        if typed_text.strip() not in ("", shown):
+            app.run_and_report(lambda: change(quantity.parse_value(typed_text, **more)))

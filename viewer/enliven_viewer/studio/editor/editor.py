@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from enliven.document import FREE, ExampleCharacter, History, Project, RigBase, closing_time
+from enliven.document import FREE, ExampleCharacter, History, Project, RigBase, compute_closing_time
 from enliven.errors import EnlivenError
 from enliven.modeling.edits import refuse_locked
 from enliven_viewer.language import later, tr
@@ -170,10 +170,10 @@ class Editor:
         internal errors instead of raising them, so that they do not close the window.
         """
         try:
-            before = self.history.project
-            after = change(before)
+            old_project = self.history.project
+            after = change(old_project)
             if not over_locks:
-                refuse_locked(before, after)
+                refuse_locked(old_project, after)
             return after
         except Exception as error:
             if not isinstance(error, EnlivenError) and os.environ.get("ENLIVEN_DEBUG"):
@@ -354,7 +354,7 @@ def measure_project_length(project: Project, shortest: float) -> float:
     """
     layers = [layer for character in project.characters.values() for layer in character.playing]
     sounds = [sound.end for sound in project.sounds.values()]
-    least = max([shortest, *(layer.end(project.length_of(layer)) for layer in layers), *sounds])
-    return closing_time(
-        [layer.compute_loop_duration(project.length_of(layer)) for layer in layers if layer.loop], least
+    length = max([shortest, *(layer.end(project.length_of(layer)) for layer in layers), *sounds])
+    return compute_closing_time(
+        [layer.compute_loop_duration(project.length_of(layer)) for layer in layers if layer.loop], length
     )

@@ -44,9 +44,11 @@ def make_choosing_actions(editor: Editor) -> Iterator[Action]:
             *(character.id for character in editor.pickable_characters if character.id not in chosen)
         )
 
-    about = "Hidden and locked shapes are never chosen."
-    yield Action("edit.all", "Edit", "Choose all", ("ctrl+a",), every, empty, about=about, apart=True)
+    description = "Hidden and locked shapes are never chosen."
+    yield Action("edit.all", "Edit", "Choose all", ("ctrl+a",), every, empty, about=description, apart=True)
     yield Action(
         "edit.none", "Edit", "Choose none", ("ctrl+shift+a",), lambda: editor.select_only(None), none
     )
-    yield Action("edit.inverse", "Edit", "Invert the selection", ("ctrl+i",), inverse, empty, about=about)
+    yield Action(
+        "edit.inverse", "Edit", "Invert the selection", ("ctrl+i",), inverse, empty, about=description
+    )

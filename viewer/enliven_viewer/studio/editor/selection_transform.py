@@ -109,9 +109,9 @@ class SelectionTransform:
             return
 
         def change(project: Project) -> Project:
-            about = _find_fixed_point(project, names)
+            fixed_point = _find_fixed_point(project, names)
             project = scale_characters(project, names, factor)
-            return move_characters(project, names, (factor - 1.0) * (about - place))
+            return move_characters(project, names, (factor - 1.0) * (fixed_point - place))
 
         self.editor.edit(later("size of {0}", self._subject_name), change)
 
@@ -120,9 +120,10 @@ class SelectionTransform:
         place, names = self.place, self.editor.selection.characters
         if place is not None:
             turn = from_rotation_vector(np.eye(3)[axis] * np.radians(degrees))
-            still = np.zeros(3)
+            zero_offset = np.zeros(3)
             self.editor.edit(
-                later("turn {0}", self._subject_name), lambda p: move_characters(p, names, still, turn, place)
+                later("turn {0}", self._subject_name),
+                lambda p: move_characters(p, names, zero_offset, turn, place),
             )
 
     @property

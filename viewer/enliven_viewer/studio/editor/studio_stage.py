@@ -63,10 +63,10 @@ class StudioStage:
         return characters[character_id]
 
     def _place_character(self, project: Project, character: RigBase, time: float) -> StageCharacter:
-        cached, played = self._players.get(character.id), character.needed().items()
+        cached, needed_ids = self._players.get(character.id), character.find_needed_ids().items()
         # Compare the takes too. Editing a key replaces a take under the same name, but does not change the
         # character.
-        takes = (getattr(project, held)[name] for held, names in played for name in sorted(names))
+        takes = (getattr(project, held)[name] for held, names in needed_ids for name in sorted(names))
         needs = (character, *takes)
         if cached is None or [*map(id, cached[0])] != [*map(id, needs)]:
             cached = self._players[character.id] = (

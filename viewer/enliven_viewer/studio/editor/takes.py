@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enliven.document import Project
-from enliven.modeling.edits import alternative_takes, delete_take, drop_take
+from enliven.modeling.edits import delete_take, drop_take, list_alternative_takes
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor.editor import Editor
 
@@ -11,11 +11,11 @@ from enliven_viewer.studio.editor.editor import Editor
 def delete_take_row(editor: Editor, name: str) -> None:
     """Deletes the take of a row: an alternative take of a lane, or a take that no layer plays."""
     project = editor.project
-    played = [layer for character in project.characters.values() for layer in character.playing]
-    layers_of_take = [layer for layer in played if (layer.source, layer.take) == ("takes", name)]
+    played_layers = [layer for character in project.characters.values() for layer in character.playing]
+    layers_of_take = [layer for layer in played_layers if (layer.source, layer.take) == ("takes", name)]
     recorded = {(layer.alternatives, layer.recorded) for layer in layers_of_take}
     alternatives, take_name = recorded.pop() if len(recorded) == 1 else ("", "")
-    if len(alternative_takes(project, alternatives)) < 2:
+    if len(list_alternative_takes(project, alternatives)) < 2:
         delete_takes(editor, name)
     elif editor.edit(
         later("delete {0}", take_name), lambda project: drop_take(project, alternatives, take_name)
@@ -26,7 +26,9 @@ def delete_take_row(editor: Editor, name: str) -> None:
 def list_unused_takes(editor: Editor) -> list[str]:
     """Returns the takes that no layer plays."""
     project = editor.project
-    used = set[str]().union(*(character.needed()["takes"] for character in project.characters.values()))
+    used = set[str]().union(
+        *(character.find_needed_ids()["takes"] for character in project.characters.values())
+    )
     return [name for name in project.takes if name not in used]
 
 

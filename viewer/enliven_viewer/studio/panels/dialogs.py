@@ -69,7 +69,7 @@ def _draw_browser(workspace: Workspace, browser: FileBrowser) -> None:
         _draw_places(workspace, browser, rows)
         imgui.same_line()
     imgui.begin_child("##list", ImVec2(0, -rows), imgui.ChildFlags_.frame_style)
-    done = False
+    is_done = False
     for folder in browser.folders():
         if imgui.selectable(f"{_FOLDER_ICON}  {folder.name}##folder", False)[0]:
             browser.enter(folder)
@@ -78,7 +78,7 @@ def _draw_browser(workspace: Workspace, browser: FileBrowser) -> None:
         flags = imgui.SelectableFlags_.allow_double_click
         if imgui.selectable(file.name, browser.name == file.name, flags)[0]:
             browser.name = file.name
-            done = imgui.is_mouse_double_clicked(0)
+            is_done = imgui.is_mouse_double_clicked(0)
         workspace.remember(f"file {file.name}")
     if browser.problem:
         draw_note(browser.problem)
@@ -92,7 +92,7 @@ def _draw_browser(workspace: Workspace, browser: FileBrowser) -> None:
     workspace.remember("file name")
     with push_colours(WAIT, imgui.Col_.text):
         imgui.text_unformatted(browser.refusal)
-    if draw_choice(workspace, "Save" if browser.saving else "Open", "Cancel") or typed or done:
+    if draw_choice(workspace, "Save" if browser.saving else "Open", "Cancel") or typed or is_done:
         _finish(workspace, browser)
 
 

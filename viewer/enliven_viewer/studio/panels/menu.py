@@ -122,9 +122,9 @@ def _draw_entries(workspace: Workspace, group: str, actions: list[Action], *, fi
 
 def _draw_entry(workspace: Workspace, action: Action) -> None:
     """Draws one menu entry. It is grey if the action is unavailable."""
-    actions, on = workspace.actions, action.is_on is not None and action.is_on()
+    actions, is_on = workspace.actions, action.is_on is not None and action.is_on()
     key, possible = actions.format_shortcut(action), not action.why_not()
-    if imgui.menu_item(f"{tr(action.entry)}###{action.entry}", key, on, possible)[0]:
+    if imgui.menu_item(f"{tr(action.entry)}###{action.entry}", key, is_on, possible)[0]:
         actions.do(action.id)
     workspace.remember(f"menu {action.place}")
     draw_action_tooltip(workspace, action.id)

@@ -35,17 +35,17 @@ def open_modal(title: str, width: float, height: float = 0.0, flags: int = 0) ->
 def draw_button(workspace: Workspace, label: str) -> bool:
     """Draws a dialogue button and records its rectangle. Returns True if it was pressed."""
     width = max(imgui.calc_text_size(tr(label)).x + 20.0, 110.0)
-    pressed = imgui.button(f"{tr(label)}###{label}", ImVec2(width, 0))
+    is_pressed = imgui.button(f"{tr(label)}###{label}", ImVec2(width, 0))
     workspace.remember(f"dialog {label}")
-    return bool(pressed)
+    return bool(is_pressed)
 
 
 def draw_choice(workspace: Workspace, yes: str, no: str) -> bool:
     """Draws two buttons. Returns True if the first was pressed. The second button, and Escape, close the
     dialogue.
     """
-    pressed = draw_button(workspace, yes)
+    is_pressed = draw_button(workspace, yes)
     imgui.same_line()
     if draw_button(workspace, no) or imgui.is_key_pressed(imgui.Key.escape):
         workspace.cancel()
-    return pressed
+    return is_pressed

@@ -108,13 +108,13 @@ def _draw_choice(
 
 def _draw_row(workspace: Workspace, action: Action) -> None:
     """Draws an action with the buttons that change its shortcut."""
-    wanted, key = workspace.wanted_key, workspace.actions.format_shortcut(action)
+    wanted_key, key = workspace.wanted_key, workspace.actions.format_shortcut(action)
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr(action.label))
     imgui.same_line(imgui.get_content_region_avail().x - _KEY_WIDTH - _REMOVE_WIDTH)
-    key_text = tr("Press a key ...") if wanted.action == action.id else key or tr("none")
+    key_text = tr("Press a key ...") if wanted_key.action == action.id else key or tr("none")
     if imgui.button(f"{key_text}###key {action.id}", ImVec2(_KEY_WIDTH, 0)):
-        wanted.begin(action.id)
+        wanted_key.begin(action.id)
     workspace.remember(f"key {action.id}")
     imgui.same_line()
     imgui.begin_disabled(not key)
@@ -132,23 +132,23 @@ def _handle_capture(workspace: Workspace) -> None:
     """Assigns the pressed key. If it is another action's shortcut, names that action and asks for
     confirmation.
     """
-    wanted, actions = workspace.wanted_key, workspace.actions
-    if wanted.action and not wanted.key:
+    wanted_key, actions = workspace.wanted_key, workspace.actions
+    if wanted_key.action and not wanted_key.key:
         for name, key in KEYS.items():
             if imgui.is_key_pressed(key, repeat=False):
-                wanted.press(actions, find_held_modifiers() + name)
-    other = actions.find_conflict(wanted.action, wanted.key) if wanted.key else None
+                wanted_key.press(actions, find_held_modifiers() + name)
+    other = actions.find_conflict(wanted_key.action, wanted_key.key) if wanted_key.key else None
     if other is None:
         draw_note("Click a shortcut to change it. Keys in the hint of the active tool belong to the tool.")
         imgui.dummy(ImVec2(0, imgui.get_frame_height() - 8))
         return
     with push_colours(WAIT, imgui.Col_.text):
         imgui.text_unformatted(
-            tr("{0} is already the shortcut of \u201c{1}\u201d.", format_key(wanted.key), tr(other.label))
+            tr("{0} is already the shortcut of \u201c{1}\u201d.", format_key(wanted_key.key), tr(other.label))
         )
-    if imgui.button(f"{_make_reassign_label(actions[wanted.action])}###take"):
-        wanted.assign_key(actions)
+    if imgui.button(f"{_make_reassign_label(actions[wanted_key.action])}###take"):
+        wanted_key.assign_key(actions)
     workspace.remember("take the key")
     imgui.same_line()
     if imgui.button(f"{tr('Keep it')}###leave"):
-        wanted.begin("")
+        wanted_key.begin("")

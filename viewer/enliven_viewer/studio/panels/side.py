@@ -5,7 +5,7 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from enliven.document import RigBase, RiggedCharacter
-from enliven.mapping.model_clips import own_clips, play_own_clip, played_clip
+from enliven.mapping.model_clips import find_played_clip, list_own_clips, play_own_clip
 from enliven_viewer.language import Texts, later, tr, tr_n
 from enliven_viewer.studio.app.fields import draw_action_button, draw_character_name, draw_tooltip
 from enliven_viewer.studio.app.panel_layout import Area
@@ -86,16 +86,16 @@ def describe_parts(character: RigBase) -> str:
 def _draw_clips(workspace: Workspace, shape: RiggedCharacter) -> None:
     """Draws the selection of a model's own clips."""
     editor = workspace.editor
-    names = own_clips(editor.project, shape)
+    names = list_own_clips(editor.project, shape)
     if not names:
         return
-    played, moved = played_clip(editor.project, shape), bool(shape.layers)
+    played_clip, moved = find_played_clip(editor.project, shape), bool(shape.layers)
     imgui.set_next_item_width(-1)
-    if imgui.begin_combo("##clip", tr("Plays {0}", played or (_OTHER_MOTION if moved else _NO_CLIP))):
+    if imgui.begin_combo("##clip", tr("Plays {0}", played_clip or (_OTHER_MOTION if moved else _NO_CLIP))):
         for name in (None, *names):
             label = name or _NO_CLIP
-            pressed, _ = imgui.selectable(f"{tr(label)}###clip {label}", name == played)
-            if pressed and (name != played or moved):
+            is_pressed, _ = imgui.selectable(f"{tr(label)}###clip {label}", name == played_clip)
+            if is_pressed and (name != played_clip or moved):
                 _play_clip(workspace, shape.id, name)
             workspace.remember(f"play {name or 'none'}")
         imgui.end_combo()

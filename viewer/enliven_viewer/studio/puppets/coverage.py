@@ -132,10 +132,12 @@ def _find_solver_points(project: Project, puppet: ExampleCharacter, take: str) -
     if number is None or find_missing_examples(project, puppet):
         return None
     try:
-        examples, took = convert_to_reference(collect_motion_inputs(project, puppet, puppet.layers[number]))
+        examples, motion_inputs = convert_to_reference(
+            collect_motion_inputs(project, puppet, puppet.layers[number])
+        )
     except EnlivenError:
         return None
-    return examples.sources, took.poses
+    return examples.sources, motion_inputs.poses
 
 
 def _find_performer_poses(project: Project, puppet: ExampleCharacter, joints: tuple[str, ...]) -> Float:
@@ -151,5 +153,5 @@ def _find_performer_poses(project: Project, puppet: ExampleCharacter, joints: tu
 
 def _get_frame_joints(clip: Clip, frame: int, joints: tuple[str, ...]) -> Float:
     """Returns the joints (J, 3) of one frame of a clip, in the body frame."""
-    frame_clip = clip.mapped(lambda track: track[frame : frame + 1])
+    frame_clip = clip.map_values(lambda track: track[frame : frame + 1])
     return np.asarray(extract_performer_clip(frame_clip, joints).poses[0])

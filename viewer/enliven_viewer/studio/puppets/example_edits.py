@@ -15,7 +15,7 @@ from enliven.meshes import fit_height
 from enliven.modeling.edits import change_layers
 from enliven.modeling.puppet.points import add_point, change_point
 from enliven.modeling.puppet.poses import add_key_pose, change_key_pose, mirror_key_pose
-from enliven.modeling.puppet.suggest import suggested_pairs
+from enliven.modeling.puppet.suggest import suggest_pairs
 from enliven_viewer.language import tr
 
 _AUTOMATIC_NAME = re.compile(r"point \d+")
@@ -35,7 +35,7 @@ def with_guessed_joints(project: Project, puppet_id: str, take: str) -> Project:
         raise InputError(
             tr("no take is shown"), where="joints", remedy=tr("Choose a take in the performer's view.")
         )
-    for pair in suggested_pairs(project, puppet_id, take):
+    for pair in suggest_pairs(project, puppet_id, take):
         number = puppet.index(pair.point)
         project = with_joint(project, puppet_id, pair.point, pair.joint)
         if pair.foot:
@@ -157,14 +157,14 @@ def with_constraint(project: Project, puppet_id: str, layer: int, held: HardCons
 
     It replaces one of its kind at the same point and frame.
     """
-    name, kept = _split_constraints(project, puppet_id, layer, held)
-    return change_layers(project, puppet_id, [layer], **{name: (*kept, held)})
+    name, kept_constraints = _split_constraints(project, puppet_id, layer, held)
+    return change_layers(project, puppet_id, [layer], **{name: (*kept_constraints, held)})
 
 
-def without_constraint(project: Project, puppet_id: str, layer: int, held: HardConstraint) -> Project:
+def remove_constraint_from(project: Project, puppet_id: str, layer: int, held: HardConstraint) -> Project:
     """Returns a project without a hard constraint."""
-    name, kept = _split_constraints(project, puppet_id, layer, held)
-    return change_layers(project, puppet_id, [layer], **{name: kept})
+    name, kept_constraints = _split_constraints(project, puppet_id, layer, held)
+    return change_layers(project, puppet_id, [layer], **{name: kept_constraints})
 
 
 def _split_constraints(

@@ -75,9 +75,9 @@ class KeyPoses(PuppetSelection):
         puppet = self._selected_puppet()
         if puppet is None:
             return False
-        there = self.pose_at(take, time)
-        if there is not None:
-            return self.edit_pose(there)
+        pose_number = self.pose_at(take, time)
+        if pose_number is not None:
+            return self.edit_pose(pose_number)
         return self._add(puppet, take, time, find_start_places(self.editor.project, puppet, take, time))
 
     def pose_at(self, take: str, time: float) -> int | None:
@@ -90,8 +90,8 @@ class KeyPoses(PuppetSelection):
         puppet = self._selected_puppet()
         if puppet is None or not 0 <= number < len(puppet.poses):
             return False
-        before = dict(zip((p.vertex for p in puppet.points), puppet.poses[number].places, strict=True))
-        self._edit(puppet.id, number, before, self.stage.find(puppet.id))
+        old_places = dict(zip((p.vertex for p in puppet.points), puppet.poses[number].places, strict=True))
+        self._edit(puppet.id, number, old_places, self.stage.find(puppet.id))
         return True
 
     def accept(self) -> None:
@@ -104,15 +104,15 @@ class KeyPoses(PuppetSelection):
 
     def cancel(self) -> None:
         """Restores the key pose to its state before editing, or removes it if it is new."""
-        puppet, number, before = self.puppet, self.number, self._states_before
+        puppet, number, old_states = self.puppet, self.number, self._states_before
         self.accept()
         if puppet is None or number is None:
             return
-        if before is None:
+        if old_states is None:
             self.editor.edit("drop the key pose", lambda p: remove_key_pose(p, puppet.id, number))
             return
         now = puppet.poses[number].places
-        places = np.array([before.get(point.vertex, now[k]) for k, point in enumerate(puppet.points)])
+        places = np.array([old_states.get(point.vertex, now[k]) for k, point in enumerate(puppet.points)])
         if not np.array_equal(places, now):
             self.editor.edit(
                 "drop the changes", lambda p: change_key_pose(p, puppet.id, number, places=places)

@@ -1,7 +1,7 @@
 """Solves the motions of puppets in the background. Until a solution is ready, the last valid motion is shown.
 
 solving = MotionSolver(editor.toasts)
-project, puppet = solving.newest_solution(project, "cactus")       # the newest with solved motions
+project, puppet = solving.get_newest_solution(project, "cactus")       # the newest with solved motions
 state = evaluate_state(project, puppet, time)            # so this costs nothing
 """
 
@@ -65,10 +65,10 @@ class MotionSolver:
         """Returns a character that can be shown now: a puppet with its newest solution, or any other
         character unchanged."""
         if character_id in project.puppets:
-            return self.newest_solution(project, character_id)
+            return self.get_newest_solution(project, character_id)
         return project, project.character(character_id)
 
-    def newest_solution(self, project: Project, puppet_id: str) -> tuple[Project, ExampleCharacter]:
+    def get_newest_solution(self, project: Project, puppet_id: str) -> tuple[Project, ExampleCharacter]:
         """Returns the newest solved project and puppet. If nothing has been solved yet, the puppet has no
         layers. The returned puppet may differ from the project's in its control points, so draw the returned
         puppet.
@@ -129,10 +129,10 @@ class MotionSolver:
             wait_for([solved.future], timeout=self.patience)
         if not solved.future.done():
             return
-        error, asked = solved.future.exception(), solved.requested
+        error, requested = solved.future.exception(), solved.requested
         solved.future = None
         if error is None:
-            solved.solved, solved.problem = asked, None
+            solved.solved, solved.problem = requested, None
         else:
             self._store_error(solved, error)
 

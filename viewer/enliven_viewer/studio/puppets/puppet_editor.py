@@ -196,7 +196,7 @@ class PuppetEditor(KeyPoses):
         takes, moment = self.editor.project.takes, self.moment
         if moment is None and puppet.layers:
             layer = puppet.layers[0]
-            moment = (layer.take, layer.played(self.editor.time, takes[layer.take].duration)[0])
+            moment = (layer.take, layer.find_played_time(self.editor.time, takes[layer.take].duration)[0])
         return moment if moment is not None and moment[0] in takes else None
 
 

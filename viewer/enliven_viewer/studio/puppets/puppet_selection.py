@@ -50,13 +50,15 @@ class PuppetSelection:
         puppet = self._selected_puppet()
         if puppet is None:
             return False
-        taken = [point.vertex for point in puppet.points]
-        if vertex in taken:
-            self.editor.select_only(puppet.id, taken.index(vertex))
-            self.editor.toasts.show_message(tr("{0} exists already", puppet.points[taken.index(vertex)].name))
+        taken_vertices = [point.vertex for point in puppet.points]
+        if vertex in taken_vertices:
+            self.editor.select_only(puppet.id, taken_vertices.index(vertex))
+            self.editor.toasts.show_message(
+                tr("{0} exists already", puppet.points[taken_vertices.index(vertex)].name)
+            )
             return False
         other = find_partner_vertex(puppet, vertex) if self.symmetric else None
-        wanted = [vertex] if other is None or other in (vertex, *taken) else [vertex, other]
+        new_vertices = [vertex] if other is None or other in (vertex, *taken_vertices) else [vertex, other]
 
         poses = self.stage.surfaces.settle_each(puppet, [pose.places for pose in puppet.poses])
         if poses is None and len(puppet.mesh.vertices) > MIN_BACKGROUND_VERTICES:
@@ -66,7 +68,7 @@ class PuppetSelection:
             return False
 
         def change(project: Project) -> Project:
-            for new_vertex in wanted:
+            for new_vertex in new_vertices:
                 places = (
                     None if poses is None else np.array([pose[new_vertex] for pose in poses]).reshape(-1, 3)
                 )
@@ -74,10 +76,10 @@ class PuppetSelection:
             return project
 
         if not self.editor.edit(
-            later("put a control point") if len(wanted) == 1 else later("put control points"), change
+            later("put a control point") if len(new_vertices) == 1 else later("put control points"), change
         ):
             return False
-        self.editor.select_only(puppet.id, len(taken))
+        self.editor.select_only(puppet.id, len(taken_vertices))
         return True
 
     def set_symmetric(self, on: bool) -> None:

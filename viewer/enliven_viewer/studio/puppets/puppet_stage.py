@@ -11,7 +11,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32
 from enliven.document import Character, ExampleCharacter, RigBase, SkinWeights
-from enliven.examples.puppet_motion import PuppetState, pose_of_state, to_world_frame
+from enliven.examples.puppet_motion import PuppetState, convert_to_world_frame, pose_of_state
 from enliven.modeling.edits import bake_root_layers
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 from enliven_viewer.studio.puppets.protocols import EditorProtocol, PoseEditState
@@ -158,7 +158,7 @@ class PuppetStage:
         return self._make_stage_puppet(puppet, state, self.surfaces.solve(puppet, state.places, warm=warm))
 
     def _make_stage_puppet(self, puppet: ExampleCharacter, state: PuppetState, surface: Float) -> StagePuppet:
-        handles = to_world_frame(puppet, state, state.places)
+        handles = convert_to_world_frame(puppet, state, state.places)
         return StagePuppet(
             puppet, self._meshes.get_mesh(puppet), pose_of_state(puppet, state), handles, state, surface
         )

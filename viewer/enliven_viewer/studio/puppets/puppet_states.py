@@ -24,7 +24,7 @@ def find_playback_state(
 
     While the newest motion is being solved, the previously solved version of the puppet is returned.
     """
-    project, solved = editor.motion_solver.newest_solution(editor.project, puppet.id)
+    project, solved = editor.motion_solver.get_newest_solution(editor.project, puppet.id)
     if not solved.layers:
         return puppet, make_rest_state(puppet)
     try:
@@ -49,6 +49,6 @@ def find_start_places(project: Project, puppet: ExampleCharacter, take: str, tim
                 motion = solve_layer_motion(project, puppet, number)
             except EnlivenError:
                 continue
-            start[list(motion.points)] = motion.at(time)[0]
+            start[list(motion.points)] = motion.interpolate(time)[0]
             break
     return start

@@ -108,14 +108,16 @@ class SurfaceSolver:
             or self._preparation is not None
         ):
             return False
-        before = self._shown_surface
+        old_surface = self._shown_surface
         self._remaining_frames -= 1
         try:
             self._shown_surface = self._surface.solve(self._places)
         except EnlivenError:  # This error was reported when the surface was first requested.
             self._remaining_frames = 0
             return False
-        if float(np.abs(self._shown_surface - before).max()) < _SETTLED_MOVEMENT * measure_mesh(self.mesh):
+        if float(np.abs(self._shown_surface - old_surface).max()) < _SETTLED_MOVEMENT * measure_mesh(
+            self.mesh
+        ):
             self._remaining_frames = 0
         return True
 

@@ -98,10 +98,12 @@ class Tool:
         reach, lens, stage = self.editor.settings.reach, self.editor.lens, self.editor.editable_characters
         chosen = [character for character in stage if character.id == self.editor.selection.character]
         for pick, within in ((find_joint_at, reach), (find_bone_at, reach * 0.7)):
-            hit, mine = pick(stage, lens, pointer.at, within), pick(chosen, lens, pointer.at, within)
+            hit, chosen_hit = pick(stage, lens, pointer.at, within), pick(chosen, lens, pointer.at, within)
             if hit is not None:
                 return (
-                    mine if mine is not None and mine.pixels <= hit.pixels + _DISTANCE_TOLERANCE_PX else hit
+                    chosen_hit
+                    if chosen_hit is not None and chosen_hit.pixels <= hit.pixels + _DISTANCE_TOLERANCE_PX
+                    else hit
                 )
         return None
 

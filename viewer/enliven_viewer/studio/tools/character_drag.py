@@ -132,10 +132,12 @@ class CharacterDrag:
         if pointer.shift or not self.rooted:
             return _UP_AXIS, across
         centre = lens.project(self._pivot[None])[0][0]
-        before, after = (np.array(p.at) - centre for p in (start, pointer))
-        if np.linalg.norm(before) < _PIVOT_RADIUS_PX:
+        start_arm, pointer_arm = (np.array(p.at) - centre for p in (start, pointer))
+        if np.linalg.norm(start_arm) < _PIVOT_RADIUS_PX:
             return lens.forward, across
-        return lens.forward, math.atan2(after[1], after[0]) - math.atan2(before[1], before[0])
+        return lens.forward, math.atan2(pointer_arm[1], pointer_arm[0]) - math.atan2(
+            start_arm[1], start_arm[0]
+        )
 
 
 def _find_standing_point(editor: Editor, characters: tuple[str, ...]) -> Float:

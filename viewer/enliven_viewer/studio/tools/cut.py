@@ -119,5 +119,9 @@ class CutTool(StrokeTool):
         if len(self._stroke) < 2:
             return Overlay()
         marks: list[Line | Disc] = [Line(tuple(self._stroke), CUT, 2.5)]
-        marks += [Disc(at, 5.0, CUT) for at in map(self.on_bone, self._crossed_bones) if at is not None]
+        marks += [
+            Disc(crossing, 5.0, CUT)
+            for crossing in map(self.on_bone, self._crossed_bones)
+            if crossing is not None
+        ]
         return Overlay(tuple(marks))

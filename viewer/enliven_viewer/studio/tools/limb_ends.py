@@ -12,7 +12,7 @@ from enliven.document import GraphCharacter, Project
 from enliven.errors import EnlivenError
 from enliven.meshes import Mesh
 from enliven.person import Joint
-from enliven.possession import find_person_in_mesh, standing_figure
+from enliven.possession import find_person_in_mesh, make_standing_figure
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
@@ -183,5 +183,5 @@ def suggest_ends(mesh: Mesh) -> Int:
     else:
         low, high = mesh.bounds
         foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
-        ends = standing_figure(float(high[1] - low[1]))[_FIGURE_JOINTS] + foot
+        ends = make_standing_figure(float(high[1] - low[1]))[_FIGURE_JOINTS] + foot
     return np.asarray(scipy.spatial.cKDTree(mesh.vertices).query(ends)[1], np.int64)

@@ -204,7 +204,7 @@ class MoveTool(Tool):
             self.editor.stage_character(self._held_character.character).handles[:1]
         )
         marks = (
-            *(Line((at, node), STROKE, 2.0) for at in root),
+            *(Line((root_pixel, node), STROKE, 2.0) for root_pixel in root),
             Disc(node, 13.0, GOOD, 3.0),
             Label((node[0] + 20, node[1]), "merge", INK),
         )

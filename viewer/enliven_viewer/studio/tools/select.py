@@ -76,8 +76,8 @@ class SelectTool(Tool):
         if box is None:
             return
         touched = self._find_boxed_characters(box)
-        before = self.editor.selection.characters if pointer.shift else ()
-        self.editor.choose_all(*before, *touched)
+        old_characters = self.editor.selection.characters if pointer.shift else ()
+        self.editor.choose_all(*old_characters, *touched)
 
     def cancel(self) -> None:
         super().cancel()

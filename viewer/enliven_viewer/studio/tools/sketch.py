@@ -81,5 +81,5 @@ class SketchTool(StrokeTool):
         lens = self.editor.lens
         through = self.editor.camera.target
         right, up = lens.view.camera_from_world[0, :3], lens.up
-        places = np.array([lens.intersect_plane(at, through) for at in stroke])
+        places = np.array([lens.intersect_plane(pixel, through) for pixel in stroke])
         return SketchPlane(through, right, up), (places - through) @ np.stack([right, up], 1)

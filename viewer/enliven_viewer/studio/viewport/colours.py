@@ -27,7 +27,7 @@ class DrawnMeshes:
     """
 
     def __init__(self, draw: Callable[[RigBase], Character] | None = None) -> None:
-        self._make_mesh = draw or (lambda character: get_rig_edits(character).drawn(character))
+        self._make_mesh = draw or (lambda character: get_rig_edits(character).make_drawing(character))
         self._cache: dict[str, tuple[tuple[object, ...], Character]] = {}
 
     def get_mesh(self, character: RigBase) -> Character | None:

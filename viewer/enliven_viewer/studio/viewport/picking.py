@@ -54,8 +54,8 @@ class Lens:
         """Returns the intersection (3,) in metres of a pixel's ray with the plane through a point, parallel
         to the image.
         """
-        forward, way = -self.view.camera_from_world[2, :3], self.ray(pixel)
-        return np.asarray(self.view.eye + way * ((through - self.view.eye) @ forward) / (way @ forward))
+        forward, ray = -self.view.camera_from_world[2, :3], self.ray(pixel)
+        return np.asarray(self.view.eye + ray * ((through - self.view.eye) @ forward) / (ray @ forward))
 
     def project_visible(self, points: Float) -> list[Point]:
         """Returns the pixels of those points (N, 3) that are in front of the camera."""

@@ -49,7 +49,7 @@ class PuppetOverlay:
         picture.allow_whole_image()
         self._draw_blended(moderngl.NOTHING)
         mask.use(TEXTURE_UNITS["picture"])
-        self._outline["tint"] = _to_float_tint(GHOST, 0.85)
+        self._outline["tint"] = _convert_to_float_tint(GHOST, 0.85)
         self._outline["radius"] = _OUTLINE_WIDTH_PX
         self._outline["jump"] = _MIN_DEPTH_STEP * size
         self._quad.render(moderngl.TRIANGLES, vertices=3)
@@ -71,7 +71,7 @@ class PuppetOverlay:
         picture.drawn.use()
         for test, opacity in ((">", 0.22), ("<=", 0.86)):
             self.ctx.depth_func = test
-            self._warning["tint"] = _to_float_tint(WARNING, opacity)
+            self._warning["tint"] = _convert_to_float_tint(WARNING, opacity)
             array.render(moderngl.TRIANGLES)
         picture.drawn.depth_mask = True
         picture.drawn.use()
@@ -134,5 +134,5 @@ class PuppetOverlay:
         return self._mesh[3]
 
 
-def _to_float_tint(colour: Paint, opacity: float) -> tuple[float, float, float, float]:
+def _convert_to_float_tint(colour: Paint, opacity: float) -> tuple[float, float, float, float]:
     return (colour[0] / 255, colour[1] / 255, colour[2] / 255, opacity)

@@ -45,8 +45,8 @@ class PointerPath:
             self._positions.clear()
             return [at]
         end = self._positions.index(at) + 1
-        taken, self._positions = self._positions[:end], self._positions[end:]
-        return taken
+        positions, self._positions = self._positions[:end], self._positions[end:]
+        return positions
 
 
 _MIN_LAYOUT_SIZE = (640.0, 360.0)
@@ -112,20 +112,20 @@ class Desktop:
         The pointer stays in the window while a button is held.
         """
         library = glfw._glfw  # Use the C library directly, because only it can return ImGui's callbacks.
-        before: list[Any] = []
+        old_callbacks: list[Any] = []
 
         def move(window: Any, x: float, y: float) -> None:
-            before[0](window, x / self.scale, y / self.scale)
+            old_callbacks[0](window, x / self.scale, y / self.scale)
             self.path.add(x / self.scale, y / self.scale)
 
         def enter(window: Any, inside: int) -> None:
             held = any(glfw.get_mouse_button(self._window, button) for button in range(3))
             if inside or not held:
-                before[1](window, inside)
+                old_callbacks[1](window, inside)
 
         self._pointer_callbacks = (glfw._GLFWcursorposfun(move), glfw._GLFWcursorenterfun(enter))
-        before.append(library.glfwSetCursorPosCallback(self._window, self._pointer_callbacks[0]))
-        before.append(library.glfwSetCursorEnterCallback(self._window, self._pointer_callbacks[1]))
+        old_callbacks.append(library.glfwSetCursorPosCallback(self._window, self._pointer_callbacks[0]))
+        old_callbacks.append(library.glfwSetCursorEnterCallback(self._window, self._pointer_callbacks[1]))
 
     def _handle_drop(self, window: object, paths: list[str]) -> None:
         self._dropped += [Path(path) for path in paths]

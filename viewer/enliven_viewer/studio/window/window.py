@@ -213,10 +213,10 @@ class StudioWindow:
     def _idle(self) -> bool:
         """Returns True if nothing moves, so that a low frame rate is enough."""
         perform, editor = self.workspace.perform, self.workspace.editor
-        still = perform.live is None or perform.live.is_quiet
-        still = still and not self._idle_loop.loss
-        still = still and (self.workspace.tour is None or not self.workspace.tour.is_moving)
-        return still and not editor.playing and perform.recording.phase == "idle" and self.step is None
+        is_still = perform.live is None or perform.live.is_quiet
+        is_still = is_still and not self._idle_loop.loss
+        is_still = is_still and (self.workspace.tour is None or not self.workspace.tour.is_moving)
+        return is_still and not editor.playing and perform.recording.phase == "idle" and self.step is None
 
     def _start(self) -> None:
         # Turn off ImGui's keyboard navigation. The keys belong to the tools, and Space must not press the
@@ -285,7 +285,7 @@ class StudioWindow:
         io, user_input = imgui.get_io(), self.workspace.input
         pixel = (io.mouse_pos.x - area.x, io.mouse_pos.y - area.y)
         held: dict[str, Any] = {"shift": io.key_shift, "ctrl": io.key_ctrl}
-        is_over_view = area.holds(io.mouse_pos.x, io.mouse_pos.y) and not io.want_capture_mouse
+        is_over_view = area.contains(io.mouse_pos.x, io.mouse_pos.y) and not io.want_capture_mouse
         spot = (io.mouse_pos.x, io.mouse_pos.y)
         for x, y in self.desktop.path.take_positions(spot) if self.desktop is not None else [spot]:
             passed = (x - area.x, y - area.y)

@@ -13,7 +13,7 @@ from enliven.arrays import UInt8
 from enliven_viewer.render.gl.context import get_window_context
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.studio.app.panel_layout import Area
-from enliven_viewer.studio.app.style import to_screen_pixels
+from enliven_viewer.studio.app.style import convert_to_screen_pixels
 from enliven_viewer.studio.features.perform.camera_preview import find_side_view_area
 from enliven_viewer.studio.viewport.preview_textures import PreviewTextures
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
@@ -63,7 +63,7 @@ class WindowPictures:
             draw_pictures()
         renderer = self.viewport.renderer
         renderer.look = look_in_theme(editor.look)
-        renderer.resize(to_screen_pixels(area.width, area.height))
+        renderer.resize(convert_to_screen_pixels(area.width, area.height))
         self._draw_side(area, stage, live)
         tool = workspace.input.tool
         self.viewport.draw(
@@ -93,7 +93,7 @@ class WindowPictures:
         if lens is None:
             return
         self.source.renderer.look = look_in_theme(workspace.editor.look)
-        self.source.renderer.resize(to_screen_pixels(place.width, place.height))
+        self.source.renderer.resize(convert_to_screen_pixels(place.width, place.height))
         chosen, overlay = workspace.editor.selection, workspace.input.tool.overlay()
         self.source.draw(stage, lens, chosen, overlay, bones=False, live=live)
 

@@ -91,7 +91,7 @@ def _make_actions(
 
 
 def _make_file_actions(ask: OpenDialog, preferences: Preferences) -> Iterator[Action]:
-    def lacks_recent() -> str:
+    def describe_missing_recent() -> str:
         return "" if preferences.recent else "No file was opened yet. Press Ctrl+O to open a file."
 
     yield Action("file.new", "File", "New", ("ctrl+n",), lambda: ask("new"))
@@ -103,21 +103,23 @@ def _make_file_actions(ask: OpenDialog, preferences: Preferences) -> Iterator[Ac
         lambda: ask("open"),
         about="Opens a project, a model, a mesh or a take.",
     )
-    again = "Reopen the last file"
-    yield Action("file.again", "File", again, ("ctrl+shift+o",), lambda: ask("again"), lacks_recent)
+    description = "Reopen the last file"
+    yield Action(
+        "file.again", "File", description, ("ctrl+shift+o",), lambda: ask("again"), describe_missing_recent
+    )
     yield Action("file.save", "File", "Save", ("ctrl+s",), lambda: ask("save"), apart=True)
     yield Action("file.save_as", "File", "Save as...", ("ctrl+shift+s",), lambda: ask("save as"))
 
 
 def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action]:
-    def lacks_export() -> str:
+    def describe_missing_export() -> str:
         try:
             list_exportable(commands.editor.project)
         except EnlivenError as error:
             return f"{error.what[0].upper()}{error.what[1:]}. {error.remedy}"
         return ""
 
-    def lacks_puppet() -> str:
+    def describe_missing_puppet() -> str:
         return "" if commands.editor.puppets.puppet else "No puppet is chosen. Click a puppet first."
 
     yield Action(
@@ -126,7 +128,7 @@ def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action
         "Export...",
         ("ctrl+e",),
         lambda: ask("export"),
-        lacks_export,
+        describe_missing_export,
         about="Exports all shapes with their motion for other programs: as GLB, or as "
         "BVH for one shape with bones.",
         apart=True,
@@ -137,7 +139,7 @@ def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action
         "Film...",
         ("ctrl+shift+f",),
         lambda: ask("film"),
-        lacks_export,
+        describe_missing_export,
         about="Renders all shapes in motion as an MP4 film.",
     )
     yield Action(
@@ -146,7 +148,7 @@ def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action
         "Save the puppet's examples...",
         ("ctrl+shift+e",),
         lambda: ask("session"),
-        lacks_puppet,
+        describe_missing_puppet,
         about="Saves the puppet's control points and key poses in a text file that you can edit.",
     )
     yield Action(
@@ -157,8 +159,10 @@ def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action
 
 def _make_edit_actions(commands: Commands, user_input: ViewportInput, ask: OpenDialog) -> Iterator[Action]:
     c, editor = commands, commands.editor
-    yield Action("edit.undo", "Edit", "Undo", ("ctrl+z",), editor.undo, c.lacks_undo)
-    yield Action("edit.redo", "Edit", "Redo", ("ctrl+shift+z", "ctrl+y"), editor.redo, c.lacks_redo)
+    yield Action("edit.undo", "Edit", "Undo", ("ctrl+z",), editor.undo, c.describe_missing_undo)
+    yield Action(
+        "edit.redo", "Edit", "Redo", ("ctrl+shift+z", "ctrl+y"), editor.redo, c.describe_missing_redo
+    )
     yield Action(
         "edit.history",
         "Edit",
@@ -167,17 +171,19 @@ def _make_edit_actions(commands: Commands, user_input: ViewportInput, ask: OpenD
         lambda: ask("history"),
         about="Lists all edits. Click an edit to return to that state.",
     )
-    yield Action("edit.copy", "Edit", "Copy", ("ctrl+c",), c.copy, c.lacks_character, apart=True)
-    yield Action("edit.cut_out", "Edit", "Cut out", ("ctrl+x",), c.cut_out, c.lacks_character)
-    yield Action("edit.paste", "Edit", "Paste", ("ctrl+v",), c.paste, c.lacks_copied)
-    yield Action("edit.duplicate", "Edit", "Duplicate", ("ctrl+d",), c.duplicate, c.lacks_character)
+    yield Action("edit.copy", "Edit", "Copy", ("ctrl+c",), c.copy, c.describe_missing_character, apart=True)
+    yield Action("edit.cut_out", "Edit", "Cut out", ("ctrl+x",), c.cut_out, c.describe_missing_character)
+    yield Action("edit.paste", "Edit", "Paste", ("ctrl+v",), c.paste, c.describe_missing_copied)
+    yield Action(
+        "edit.duplicate", "Edit", "Duplicate", ("ctrl+d",), c.duplicate, c.describe_missing_character
+    )
     yield Action(
         "edit.delete",
         "Edit",
         "Delete",
         ("delete", "backspace"),
         c.delete,
-        c.lacks_character,
+        c.describe_missing_character,
         about="Deletes the chosen node, or the whole shape if no node is chosen.",
     )
     yield Action(
@@ -189,12 +195,14 @@ def _make_snap_action(editor: Editor) -> Action:
     def toggle() -> None:
         editor.snapping.is_on = not editor.snapping.is_on
 
-    about = (
+    description = (
         "Moves snap to a grid of 10 cm and to the floor, rotations to steps of 15 degrees. Hold Ctrl "
         "while you drag to switch snapping off or on."
     )
-    on = lambda: editor.snapping.is_on  # noqa: E731
-    return Action("edit.snap", "Edit", "Snap", ("shift+n",), toggle, is_on=on, about=about, apart=True)
+    is_on = lambda: editor.snapping.is_on  # noqa: E731
+    return Action(
+        "edit.snap", "Edit", "Snap", ("shift+n",), toggle, is_on=is_on, about=description, apart=True
+    )
 
 
 def _make_motion_actions(c: Commands) -> Iterator[Action]:
@@ -204,7 +212,7 @@ def _make_motion_actions(c: Commands) -> Iterator[Action]:
         "Copy motion",
         ("ctrl+shift+c",),
         c.motion.copy,
-        c.motion.lacks_copy,
+        c.motion.describe_missing_copy,
         about="Copies the motion of the chosen chain, or the performance of the chosen character.",
     )
     yield Action(
@@ -213,7 +221,7 @@ def _make_motion_actions(c: Commands) -> Iterator[Action]:
         "Paste motion",
         ("ctrl+shift+v",),
         c.motion.paste,
-        c.motion.lacks_paste,
+        c.motion.describe_missing_paste,
         about="Pastes motion onto the chosen chain, or a performance onto the chosen character.",
     )
     yield Action(
@@ -222,7 +230,7 @@ def _make_motion_actions(c: Commands) -> Iterator[Action]:
         "Copy to equal limbs",
         ("ctrl+shift+d",),
         c.copy_to_equal_limbs,
-        c.lacks_limb,
+        c.describe_missing_limb,
         about="Copies the motion of the chosen limb to all limbs with the same form.",
     )
     yield Action(
@@ -231,7 +239,7 @@ def _make_motion_actions(c: Commands) -> Iterator[Action]:
         "Clear motion",
         ("ctrl+shift+x",),
         c.clear_motion,
-        c.lacks_shape,
+        c.describe_missing_shape,
         about="Removes all motion from the chosen chain, or from the whole shape.",
     )
     for name, label, seconds in (("later", "Later", _TIME_SHIFT_S), ("earlier", "Earlier", -_TIME_SHIFT_S)):
@@ -241,18 +249,20 @@ def _make_motion_actions(c: Commands) -> Iterator[Action]:
             label,
             (f"ctrl+alt+{'right' if seconds > 0 else 'left'}",),
             lambda seconds=seconds: c.shift(seconds),
-            c.lacks_playing,
+            c.describe_missing_playback,
             about="Shifts all motion of the chosen shapes by a tenth of a second.",
             apart=seconds > 0,
         )
-    yield Action("motion.mute", "Motion", "Mute", ("shift+u",), c.toggle_mute, c.lacks_playing, c.is_muted)
+    yield Action(
+        "motion.mute", "Motion", "Mute", ("shift+u",), c.toggle_mute, c.describe_missing_playback, c.is_muted
+    )
     yield Action(
         "motion.pin",
         "Motion",
         "Pin or free a foot",
         ("p",),
         c.pin_foot,
-        c.lacks_foot,
+        c.describe_missing_foot,
         about="A pinned foot does not slide while it touches the floor.",
     )
 
@@ -268,18 +278,20 @@ def _make_key_actions(c: Commands) -> Iterator[Action]:
         about="Posing (R) or moving (G) a joint, a node or a whole shape also sets a key at the playhead.",
         apart=True,
     )
-    about = "Sets a key with the current pose at the playhead. You can drag the key in the curves."
+    description = "Sets a key with the current pose at the playhead. You can drag the key in the curves."
     yield Action(
         "motion.key",
         "Motion",
         "Set a key at the playhead",
         ("ctrl+j",),
         c.keys.set,
-        c.keys.lacks,
-        about=about,
+        c.keys.describe_missing,
+        about=description,
     )
     away = "Remove the key at the playhead"
-    yield Action("motion.unkey", "Motion", away, ("ctrl+shift+j",), c.keys.remove, c.keys.lacks_key)
+    yield Action(
+        "motion.unkey", "Motion", away, ("ctrl+shift+j",), c.keys.remove, c.keys.describe_missing_key
+    )
 
 
 def _make_shape_actions(c: Commands) -> Iterator[Action]:
@@ -294,7 +306,7 @@ def _make_shape_actions(c: Commands) -> Iterator[Action]:
         "Mirror",
         ("ctrl+m",),
         c.mirror,
-        c.lacks_character,
+        c.describe_missing_character,
         about="Mirrors the chosen shapes: swaps left and right, as seen from the camera.",
     )
     yield Action(
@@ -303,7 +315,7 @@ def _make_shape_actions(c: Commands) -> Iterator[Action]:
         "Larger",
         ("ctrl+equal",),
         lambda: c.scale(1.1),
-        c.lacks_character,
+        c.describe_missing_character,
         about="Changes the size of the chosen shapes by a tenth.",
     )
     yield Action(
@@ -312,7 +324,7 @@ def _make_shape_actions(c: Commands) -> Iterator[Action]:
         "Smaller",
         ("ctrl+minus",),
         lambda: c.scale(1 / 1.1),
-        c.lacks_character,
+        c.describe_missing_character,
         about="Changes the size of the chosen shapes by a tenth.",
     )
     for name, label, degrees, key in turns:
@@ -322,7 +334,7 @@ def _make_shape_actions(c: Commands) -> Iterator[Action]:
             label,
             (f"ctrl+{key}",),
             lambda degrees=degrees: c.turn(degrees),
-            c.lacks_character,
+            c.describe_missing_character,
             about=f"Turns the chosen shapes by {abs(degrees):.0f} degrees, as seen from the camera.",
         )
     yield Action(
@@ -331,7 +343,7 @@ def _make_shape_actions(c: Commands) -> Iterator[Action]:
         "Apply the performance again",
         ("ctrl+shift+p",),
         c.motion.solve_again,
-        c.motion.lacks_possessed,
+        c.motion.describe_missing_possessed,
         about="Applies the recorded performance again to the changed shape, for example after a cut.",
         apart=True,
     )

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from enliven.document import Project, RiggedCharacter
-from enliven.matching.symmetry import EqualLimbs, equal_limbs
-from enliven.matching.views import best_view
+from enliven.matching.symmetry import EqualLimbs, find_equal_limbs
+from enliven.matching.views import find_best_view
 from enliven.modeling.edits import (
     copy_characters,
     delete_character,
@@ -110,9 +110,9 @@ class Commands:
 
     def toggle_mute(self) -> None:
         """Mutes all motion of the selection, or unmutes it if everything is muted."""
-        on = not self.is_muted()
-        edit_name = later("mute {0}") if on else later("unmute {0}")
-        self._edit_selection(edit_name, lambda project, names: mute_characters(project, names, on))
+        is_muted = not self.is_muted()
+        edit_name = later("mute {0}") if is_muted else later("unmute {0}")
+        self._edit_selection(edit_name, lambda project, names: mute_characters(project, names, is_muted))
 
     def is_muted(self) -> bool:
         """Returns True if the selection has motion, and all its motion is muted."""
@@ -156,7 +156,7 @@ class Commands:
         posed = self.editor.stage_character(shape.id)
         starts, ends = np.array(posed.bones).T
         bones = posed.handles[ends] - posed.handles[starts]
-        direction = best_view(bones, make_match_view(self.editor.lens)).direction
+        direction = find_best_view(bones, make_match_view(self.editor.lens)).direction
         # The opposite view shows the bones equally well. Choose the view that does not look from below the
         # floor.
         direction = -direction if direction[1] > 0 else direction
@@ -214,22 +214,22 @@ class Commands:
         if self.editor.edit(later(edit_name, subject), change):
             self.editor.choose_all(*copy_ids)
 
-    def lacks_character(self) -> str:
+    def describe_missing_character(self) -> str:
         """Returns the reason why a command on a character is unavailable, or an empty text if it is
         available.
         """
         return "" if self._selected_names else "Nothing is chosen. Click a shape first."
 
-    def lacks_playing(self) -> str:
+    def describe_missing_playback(self) -> str:
         """Returns the reason why commands on the motion of the selection are unavailable, or an empty text if
         they are available.
         """
         moves = any(character.playing for character in self.editor.selected_characters)
-        return self.lacks_character() or (
+        return self.describe_missing_character() or (
             "" if moves else "The chosen shape has no motion. Map a take onto the shape first."
         )
 
-    def lacks_shape(self) -> str:
+    def describe_missing_shape(self) -> str:
         """Returns the reason why a command on a shape with bones is unavailable, or an empty text if it is
         available.
         """
@@ -239,11 +239,11 @@ class Commands:
             else "No shape with bones is chosen. Click such a shape first."
         )
 
-    def lacks_copied(self) -> str:
+    def describe_missing_copied(self) -> str:
         """Returns the reason why pasting a character is unavailable, or an empty text if it is available."""
         return "" if self._copied else "Nothing was copied. Choose a shape and press Ctrl+C first."
 
-    def lacks_limb(self) -> str:
+    def describe_missing_limb(self) -> str:
         """Returns the reason why a command on a limb is unavailable, or an empty text if it is available."""
         return (
             ""
@@ -251,16 +251,16 @@ class Commands:
             else "No limb is chosen. Click a node of the limb with the motion to copy."
         )
 
-    def lacks_foot(self) -> str:
+    def describe_missing_foot(self) -> str:
         """Returns the reason why pinning a foot is unavailable, or an empty text if it is available."""
         chosen = self.editor.find_selected(RiggedCharacter) and self.editor.selection.handle is not None
         return "" if chosen else "No foot is chosen. Click the node of an ankle first."
 
-    def lacks_undo(self) -> str:
+    def describe_missing_undo(self) -> str:
         """Returns the reason why undo is unavailable, or an empty text if it is available."""
         return "" if self.editor.history.undo_name else "Nothing is left to undo."
 
-    def lacks_redo(self) -> str:
+    def describe_missing_redo(self) -> str:
         """Returns the reason why redo is unavailable, or an empty text if it is available."""
         return "" if self.editor.history.redo_name else "Nothing is left to redo."
 
@@ -279,5 +279,5 @@ class Commands:
         joint = chosen.handle if chosen.handle is not None else (chosen.chain[-1] if chosen.chain else None)
         if shape is None or joint is None:
             return None
-        groups = equal_limbs(shape.skeleton)
+        groups = find_equal_limbs(shape.skeleton)
         return shape, joint, next((group for group in groups if group.limb_of(joint) >= 0), None)

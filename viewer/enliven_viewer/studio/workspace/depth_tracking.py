@@ -123,8 +123,8 @@ class DepthTracking:
         """Reads the tracker's output in a separate thread."""
         assert child.stdout is not None
         for line in child.stdout:
-            done, slash, total = line.strip().partition(" of ")
-            if slash and done.isdecimal() and total.isdecimal():
-                self.share = int(done) / max(int(total), 1)
+            done_text, slash, total = line.strip().partition(" of ")
+            if slash and done_text.isdecimal() and total.isdecimal():
+                self.share = int(done_text) / max(int(total), 1)
             elif line.strip():
                 self._output_lines.append(line.strip())

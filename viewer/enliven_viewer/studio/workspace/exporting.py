@@ -108,23 +108,25 @@ def write_export(
         ResourceError: if the file cannot be written.
     """
     chosen, (first, last) = options.filter_characters(characters), options.check_range(length)
-    more = format_options(path, options, chosen)
-    exporter = exporter_of(path, **more)
+    more_options = format_options(path, options, chosen)
+    exporter = exporter_of(path, **more_options)
     reports = "progress" in exporter.options
     sampled = _SAMPLED_FRACTION if reports else 0.9
-    morphs = bool(more.get("morphs"))
+    morphs = bool(more_options.get("morphs"))
     performances = list[Performance]()
     for number, character in enumerate(chosen):
         progress.report(sampled * number / len(chosen))
-        how = exporter.representation(morphs and isinstance(character, ExampleCharacter))
+        representation = exporter.representation(morphs and isinstance(character, ExampleCharacter))
         rate, keyed = float(options.rate), exporter.keyed
-        performances.append(sample_performance(project, character, first, last, rate, how=how, keyed=keyed))
+        performances.append(
+            sample_performance(project, character, first, last, rate, how=representation, keyed=keyed)
+        )
     if exporter.heard and project.sounds:
-        more["sound"] = mix_from(project.sounds.values(), first)
+        more_options["sound"] = mix_from(project.sounds.values(), first)
     progress.report(sampled)
     if reports:
-        more["progress"] = _scale_progress(progress, sampled)
-    exporter.save(path, performances, path.stem, **more)
+        more_options["progress"] = _scale_progress(progress, sampled)
+    exporter.save(path, performances, path.stem, **more_options)
     message = tr_n("Wrote {0} shape to {1}", "Wrote {0} shapes to {1}", len(performances), path.name)
     return message + "".join(
         tr(". {0} is {1}", performance.name, performance.error)

@@ -16,7 +16,7 @@ from enliven.formats.gltf.read import read_gltf
 from enliven.formats.project.file import read_project
 from enliven.formats.project.one_character import project_of_mesh
 from enliven.formats.rig.rig import Rig, scale_to_height
-from enliven.mapping.model_clips import clip_to_open, own_clips, play_own_clip, played_clip
+from enliven.mapping.model_clips import clip_to_open, find_played_clip, list_own_clips, play_own_clip
 from enliven.meshes import GLTF_SUFFIXES, Mesh, fit_height, load_mesh
 from enliven.modeling.edits import compute_vertices, get_rig_edits, move_character, paste_character
 from enliven.modeling.puppet.edits import make_puppet
@@ -166,11 +166,13 @@ def _make_clip_note(project: Project, shape_id: str) -> str:
     clips.
     """
     shape = project.shape(shape_id)
-    clips, played = own_clips(project, shape), played_clip(project, shape)
-    if played is None:
+    clips, played_clip = list_own_clips(project, shape), find_played_clip(project, shape)
+    if played_clip is None:
         return tr("The file also contained {0} takes.", len(clips)) if clips else ""
-    more = tr(" The model has {0} clips: choose a clip at the right.", len(clips)) if len(clips) > 1 else ""
-    return tr("Space plays {0}.{1}", played, more)
+    clip_note = (
+        tr(" The model has {0} clips: choose a clip at the right.", len(clips)) if len(clips) > 1 else ""
+    )
+    return tr("Space plays {0}.{1}", played_clip, clip_note)
 
 
 def _add_mesh(editor: Editor, path: Path, read: tuple[Mesh, Sequence[str]]) -> None:
@@ -248,7 +250,7 @@ def _add_take(editor: Editor, path: Path, read: tuple[Clip, tuple[str, ...]]) ->
 
 def _add_performance(editor: Editor, path: Path, read: _RecordedTake) -> None:
     added: list[str] = []
-    before = set(editor.project.characters)
+    old_names = set(editor.project.characters)
 
     def add(project: Project) -> Project:
         project, names = _add_performed(project, path, read)
@@ -262,7 +264,7 @@ def _add_performance(editor: Editor, path: Path, read: _RecordedTake) -> None:
                 "Choose a take in the performer's view, so that {0} follows it.", editor.puppets.puppet.id
             )
         editor.toasts.show_message(tr("{0} added {1}", path.name, ", ".join(added)), remedy)
-        fresh = [name for name in editor.project.characters if name not in before]
+        fresh = [name for name in editor.project.characters if name not in old_names]
         if fresh and editor.puppets.puppet is None:
             editor.choose_all(*fresh)
         editor.frame_path()
@@ -321,13 +323,13 @@ def _add_performed(project: Project, path: Path, read: _RecordedTake) -> tuple[P
 def _show_notes(editor: Editor, path: Path, notes: tuple[str, ...], remedy: str) -> None:
     """Shows one message with the name of the opened file and its notes."""
     if notes:
-        more = tr(" (and {0} more)", len(notes) - 1) if len(notes) > 1 else ""
+        more_note = tr(" (and {0} more)", len(notes) - 1) if len(notes) > 1 else ""
         first = (
             notes[0]
             if len(notes[0]) <= _MAX_NOTE_LETTERS
             else f"{notes[0][:_MAX_NOTE_LETTERS].rsplit(' ', 1)[0]} ..."
         )
-        editor.toasts.show_message(f"{path.name}: {first}{more}")
+        editor.toasts.show_message(f"{path.name}: {first}{more_note}")
     editor.toasts.show_message(tr("Opened {0}", path.name), remedy)
 
 

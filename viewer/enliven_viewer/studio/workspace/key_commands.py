@@ -33,13 +33,13 @@ class KeyCommands:
         if number is not None:
             self.editor.edit("remove key", lambda project: remove_key(project, name, handle, number))
 
-    def lacks(self) -> str:
+    def describe_missing(self) -> str:
         """Returns the reason why no key can be set, or an empty text if a key can be set."""
         return "" if self._find_subject()[0] else "Nothing is chosen. Click a shape or a node first."
 
-    def lacks_key(self) -> str:
+    def describe_missing_key(self) -> str:
         """Returns the reason why no key can be removed, or an empty text if a key can be removed."""
-        reason = self.lacks()
+        reason = self.describe_missing()
         return reason or ("" if self._find_key_at_playhead() is not None else "No key is at the playhead.")
 
     def _find_subject(self) -> tuple[str, int | None]:

@@ -151,7 +151,7 @@ class SizeMatching:
 
 def make_fitting_actions(fitting: SizeMatching) -> Iterator[Action]:
     """Yields the action that scales the selected character to the others' height."""
-    about = "Scales the chosen shape to the height of the other shapes."
+    description = "Scales the chosen shape to the height of the other shapes."
     yield Action(
         "shape.fit",
         "Shape",
@@ -159,5 +159,5 @@ def make_fitting_actions(fitting: SizeMatching) -> Iterator[Action]:
         ("alt+f",),
         fitting.fit,
         fitting.find_missing,
-        about=about,
+        about=description,
     )

@@ -67,7 +67,7 @@ class MotionClipboard:
 
         self._begin(tr("Applying the performance to {0}", name), work, later("solve again {0}", name), shape)
 
-    def lacks_copy(self) -> str:
+    def describe_missing_copy(self) -> str:
         """Returns the reason why copying motion is unavailable, or an empty text if it is available."""
         if self._find_performed_mesh() is not None or find_selected_chain(self.editor):
             return ""
@@ -76,7 +76,7 @@ class MotionClipboard:
             "and Shift-click its last joint."
         )
 
-    def lacks_paste(self) -> str:
+    def describe_missing_paste(self) -> str:
         """Returns the reason why pasting motion is unavailable, or an empty text if it is available."""
         if self._performed is not None:
             return (
@@ -89,7 +89,7 @@ class MotionClipboard:
         advice = "No chain is chosen. Click the first joint of a chain, then Shift-click its last joint."
         return "" if find_selected_chain(self.editor) else advice
 
-    def lacks_possessed(self) -> str:
+    def describe_missing_possessed(self) -> str:
         """Returns the reason why solving a possession again is unavailable, or an empty text if it is
         available.
         """
@@ -152,7 +152,7 @@ class MotionClipboard:
                     where=guarded.where,
                     remedy=remedy,
                 )
-            needed = shape.needed()
+            needed = shape.find_needed_ids()
             bodies = [solved_project.bodies[body] for body in needed.get("bodies", ())]
             streams = [solved_project.streams[stream] for stream in needed.get("streams", ())]
             return project.with_bodies(*bodies).with_streams(*streams).with_characters(shape)

@@ -224,13 +224,13 @@ class ProjectStore:
         self._writing = (self._writer.submit(self._write, project, change), project)
 
     def _write(self, project: Project, change: Callable[[Project], Project] | None) -> None:
-        began = time.monotonic()
+        start_s = time.monotonic()
         self.folder.mkdir(parents=True, exist_ok=True)
         write_project(
             self._find_recovery_path(),
             project if change is None else _add_unfinished_recording(project, change),
         )
-        self._pause = (time.monotonic() - began) / _MAX_WRITING_FRACTION
+        self._pause = (time.monotonic() - start_s) / _MAX_WRITING_FRACTION
 
     def settle(self) -> None:
         """Waits until the recovery file is written. Shows a message if that fails."""

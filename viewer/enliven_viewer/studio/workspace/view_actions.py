@@ -33,7 +33,7 @@ def make_view_actions(editor: Editor) -> Iterator[Action]:
             f"Bookmark {number}",
             (key,),
             lambda name=name: restore_view(editor, name),
-            lambda name=name, key=key: _lacks_view(editor, name, key),
+            lambda name=name, key=key: _describe_missing_view(editor, name, key),
             about="Returns to the view that is stored in this bookmark.",
             apart=number == 1,
             group="Bookmarks",
@@ -73,7 +73,7 @@ def restore_view(editor: Editor, name: str) -> None:
     editor.camera.go(mark.target, mark.azimuth, mark.elevation, mark.distance)
 
 
-def _lacks_view(editor: Editor, name: str, key: str) -> str:
+def _describe_missing_view(editor: Editor, name: str, key: str) -> str:
     advice = tr("This bookmark is empty. Press Ctrl+{0} to store the current view.", key.upper())
     return "" if name in editor.project.views else advice
 
@@ -191,7 +191,7 @@ def make_camera_actions(c: Commands) -> Iterator[Action]:
         "Best view of the bones",
         ("v",),
         c.show_best_view,
-        c.lacks_shape,
+        c.describe_missing_shape,
         group="From a side",
         about="Turns the view so that the bones of the chosen shape overlap as little as possible.",
     )

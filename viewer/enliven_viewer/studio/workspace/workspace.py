@@ -157,9 +157,9 @@ class Workspace(App):
         if lacks_tracking(path):
             self.depth.begin(path)
         elif path.suffix.lower() != PROJECT_SUFFIX:
-            before = len(self.editor.project.characters)
+            old_count = len(self.editor.project.characters)
             add_file(self.editor, path, self.file_types)
-            if len(self.editor.project.characters) > before:
+            if len(self.editor.project.characters) > old_count:
                 self.commands.fitting.show_size_hint()
         else:
             self.store.open(path)
@@ -173,9 +173,9 @@ class Workspace(App):
             if path.suffix.lower() == PROJECT_SUFFIX:
                 self.run_and_report(lambda: self.store.take(path, read))
             else:
-                before = len(self.editor.project.characters)
+                old_count = len(self.editor.project.characters)
                 self.run_and_report(lambda: read[0](self.editor, path, read[1]))
-                if len(self.editor.project.characters) > before:
+                if len(self.editor.project.characters) > old_count:
                     self.commands.fitting.show_size_hint()
             self.preferences.remember_file(path)
 
@@ -363,9 +363,9 @@ class Workspace(App):
     def _run_waiting_command(self) -> None:
         """Runs the command that waited for the decision about unsaved work."""
         after, self._after = self._after, ""
-        wanted, self._path_to_open = self._path_to_open, None
-        if after == "open" and wanted is not None:
-            self.run_and_report(lambda: self.open(wanted))
+        path, self._path_to_open = self._path_to_open, None
+        if after == "open" and path is not None:
+            self.run_and_report(lambda: self.open(path))
         elif after:
             self.ask(after)
 

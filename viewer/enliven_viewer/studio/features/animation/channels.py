@@ -115,7 +115,7 @@ def make_key_groups(project: Project, subject: CurveSubject, times: Float) -> di
     if number is not None:
         layer = character.playing[number]
         length = project.length_of(layer)
-        seconds = [layer.played(float(time), length)[0] for time in times]
+        seconds = [layer.find_played_time(float(time), length)[0] for time in times]
         values = key_values([key for _, key in keys], np.array(seconds))
     groups = {"keys": CurveGroup("keys", "\u00b0", AXES, values[:, :3], _make_dots(keys, "degrees"))}
     if subject.handle is None or not character.jointed:
@@ -175,7 +175,7 @@ def find_value_scale(project: Project, subject: CurveSubject, group: str, time: 
         return float(getattr(layer, "weight", 1.0)) or 1.0
     plain: dict[str, Any] = {"speeds": ()}
     return (
-        _find_speed(replace(layer, **plain), layer.to_unwarped_time(time), project.length_of(layer))
+        _find_speed(replace(layer, **plain), layer.convert_to_unwarped_time(time), project.length_of(layer))
         or layer.speed
     )
 
@@ -214,7 +214,7 @@ def _find_speed(layer: LayerBase, time: float, length: float, width: float = 1e-
 
     It is 0 while the layer holds one frame of the take, and NaN where a loop restarts.
     """
-    before, after = layer.moment(time, length), layer.moment(time + width, length)
-    if before.rounds != after.rounds:
+    start_second, end_second = layer.moment(time, length), layer.moment(time + width, length)
+    if start_second.rounds != end_second.rounds:
         return float("nan")
-    return (after.second - before.second) / width
+    return (end_second.second - start_second.second) / width

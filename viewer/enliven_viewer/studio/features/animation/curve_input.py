@@ -165,22 +165,22 @@ class CurveInput:
             self.refresh()
         return self.groups()
 
-    def shown_group(self) -> CurveGroup | None:
+    def find_shown_group(self) -> CurveGroup | None:
         """Returns the shown group: the requested group, or the first available group."""
         groups = self.groups()
         return groups.get(self.group) or next(iter(groups.values()), None)
 
     def sample_times(self) -> Float:
         """Returns the sample times (T,) of :meth:`shown_group`, which may be slightly outdated."""
-        if self._samples is None or self.shown_name() in KEY_ATTRIBUTES:
+        if self._samples is None or self.find_shown_name() in KEY_ATTRIBUTES:
             return self.times
         return np.linspace(
             self._samples[0].start, self._samples[0].start + self._samples[0].span, _CURVE_SAMPLES
         )
 
-    def shown_name(self) -> str:
+    def find_shown_name(self) -> str:
         """Returns the name of the shown group, or empty."""
-        group = self.shown_group()
+        group = self.find_shown_group()
         return "" if group is None else group.name
 
     def scale(self, group: CurveGroup) -> Scale:
@@ -200,13 +200,13 @@ class CurveInput:
 
     def zoom(self, notches: float, y: float) -> None:
         """Zooms the value range in or out around a pixel."""
-        group = self.shown_group()
+        group = self.find_shown_group()
         if group is not None:
             self._scale = self.scale(group).zoom(_ZOOM_PER_NOTCH**notches, y)
 
     def pan(self, pixels: float) -> None:
         """Pans the values down by some pixels."""
-        group = self.shown_group()
+        group = self.find_shown_group()
         if group is not None:
             self._scale = self.scale(group).pan(pixels)
 
@@ -214,7 +214,7 @@ class CurveInput:
         """Returns the key at a pixel. x is measured from the timeline's left, y from the top of
         the curves.
         """
-        group = self.shown_group()
+        group = self.find_shown_group()
         if group is None:
             return None
         axis, scale = self.axis.scale, self.scale(group)
@@ -227,7 +227,7 @@ class CurveInput:
 
     def press(self, x: float, y: float) -> None:
         """Handles a press of the left button: grabs a key, otherwise moves the playhead."""
-        dot, group = self.find_dot(x, y), self.shown_group()
+        dot, group = self.find_dot(x, y), self.find_shown_group()
         self.selected_key = None if dot is None else dot.number
         if dot is not None and group is not None:
             self._held_key = (dot, x, y, self.scale(group))
@@ -244,7 +244,7 @@ class CurveInput:
         held = self._held_key
         if held is not None and self.editor.draft is not None:
             if self.subject is not None:
-                self._warn_if_clamped(self.subject, self.shown_name(), *self._drag_target(x, y))
+                self._warn_if_clamped(self.subject, self.find_shown_name(), *self._drag_target(x, y))
             self.editor.edit("move key", self._move_edit(x, y))
         self.editor.draft, self._held_key = None, None
         dot = self.find_dot(x, y)
@@ -258,7 +258,7 @@ class CurveInput:
 
     def double_click(self, x: float, y: float) -> None:
         """Handles a double click: adds a key with the value at the pointer to the nearest channel."""
-        subject, group = self.subject, self.shown_group()
+        subject, group = self.subject, self.find_shown_group()
         if subject is None or group is None or group.name not in (*KEY_ATTRIBUTES, *LAYER_KEY_ATTRIBUTES):
             return
         if self.find_dot(x, y) is not None:
@@ -271,7 +271,7 @@ class CurveInput:
 
     def remove(self) -> None:
         """Removes the selected key."""
-        subject, number, name = self.subject, self.selected_key, self.shown_name()
+        subject, number, name = self.subject, self.selected_key, self.find_shown_name()
         if subject is None or number is None:
             return
         self.selected_key = None
@@ -296,7 +296,7 @@ class CurveInput:
 
     def set_interpolation(self, ease: str) -> None:
         """Changes the interpolation from the selected key to the next one."""
-        subject, number, name = self.subject, self.selected_key, self.shown_name()
+        subject, number, name = self.subject, self.selected_key, self.find_shown_name()
         if subject is not None and number is not None:
             self.editor.edit(
                 _EASE_TITLES[ease],
@@ -334,7 +334,7 @@ class CurveInput:
         assert self._held_key is not None
         subject, name, dot, (time, value) = (
             self.subject,
-            self.shown_name(),
+            self.find_shown_name(),
             self._held_key[0],
             self._drag_target(x, y),
         )

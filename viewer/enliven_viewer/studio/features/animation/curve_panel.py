@@ -48,7 +48,7 @@ def draw_curves(app: App, curves: CurveInput, area: Area) -> None:
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     with open_panel("curves", area, flags):
         curves.refresh()
-        groups, group = curves.groups(), curves.shown_group()
+        groups, group = curves.groups(), curves.find_shown_group()
         if group is None:
             draw_note(_EMPTY_TEXT)
             return
@@ -196,7 +196,7 @@ def _draw_key_menu(curves: CurveInput) -> None:
     """Draws the context menu of a key."""
     if not imgui.begin_popup(_MENU_ID):
         return
-    group = curves.shown_group()
+    group = curves.find_shown_group()
     dot = next(
         (candidate for candidate in (group.dots if group else ()) if candidate.number == curves.selected_key),
         None,

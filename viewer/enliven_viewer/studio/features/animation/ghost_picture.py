@@ -62,13 +62,13 @@ def make_trail_rows(
     sampled: MotionSamples, points: tuple[int, ...], keys: tuple[float, ...], time: float, lens: Lens
 ) -> Float32:
     """Returns (N, 12) rows of tubes: trails of the points, with dots at frames, keys and ``time``."""
-    wanted, frames = sampled.request, sorted(sampled.points)
-    frames = [frame for frame in frames if wanted.first <= frame <= wanted.last]
+    request, frames = sampled.request, sorted(sampled.points)
+    frames = [frame for frame in frames if request.first <= frame <= request.last]
     if len(frames) < 2 or not points:
         return np.zeros((0, 12), np.float32)
     places = np.stack([sampled.points[frame][list(points)] for frame in frames], 1)
-    seconds = np.array(frames) * wanted.step
-    reach = max(time - seconds[0], seconds[-1] - time, wanted.step)
+    seconds = np.array(frames) * request.step
+    reach = max(time - seconds[0], seconds[-1] - time, request.step)
     fine = np.linspace(seconds[0], seconds[-1], _SEGMENTS_PER_FRAME * (len(seconds) - 1) + 1)
     rows = []
     for line in places:

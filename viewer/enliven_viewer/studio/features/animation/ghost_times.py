@@ -29,8 +29,8 @@ def find_key_times(
     if keyed is not None:
         length = project.length_of(keyed)
         keys = getattr(project, keyed.source)[keyed.take].keys
-        played = [key.second for key in keys if keyed.plays(key.second, length)]
-        return tuple(sorted({keyed.time_of(second, length) for second in played}))
+        played_times = [key.second for key in keys if keyed.plays(key.second, length)]
+        return tuple(sorted({keyed.time_of(second, length) for second in played_times}))
     moments = set[float]()
     for playing_layer in character.playing:
         if playing_layer.muted:
@@ -70,5 +70,11 @@ def choose_ghost_times(
         middle = round(time / step)
         keys = tuple(step * k for k in range(middle - count - 1, middle + count + 2))
     inside = np.array([key for key in keys if -_TIME_TOLERANCE_S <= key <= length + _TIME_TOLERANCE_S])
-    before, after = inside[inside < time - _TIME_TOLERANCE_S], inside[inside > time + _TIME_TOLERANCE_S]
-    return (*before[len(before) - min(count, len(before)) :].tolist(), *after[:count].tolist())
+    earlier_times, later_times = (
+        inside[inside < time - _TIME_TOLERANCE_S],
+        inside[inside > time + _TIME_TOLERANCE_S],
+    )
+    return (
+        *earlier_times[len(earlier_times) - min(count, len(earlier_times)) :].tolist(),
+        *later_times[:count].tolist(),
+    )

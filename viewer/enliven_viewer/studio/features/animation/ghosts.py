@@ -133,7 +133,7 @@ class Ghosts:
         """Fetches the finished result from the background thread."""
         if self._sampling is None or not self._sampling[2].done():
             return
-        (name, wanted, future), self._sampling = self._sampling, None
+        (name, request, future), self._sampling = self._sampling, None
         error = future.exception()
         if error is None:
             self._samples[name] = future.result()
@@ -142,4 +142,4 @@ class Ghosts:
                 # Report only internal errors here. The panel that plays the character reports all others.
                 self.editor.toasts.show_any_error(error)
             self._samples.pop(name, None)
-            self._failed_requests[name] = wanted
+            self._failed_requests[name] = request

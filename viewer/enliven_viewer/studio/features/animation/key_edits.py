@@ -130,5 +130,5 @@ def _move_pose(project: Project, subject: CurveSubject, dot: CurveDot, time: flo
     places[subject.handle, dot.axis] = value
     changes: dict[str, object] = {"places": places}
     if time != dot.time:
-        changes["time"] = layer.played(time, project.length_of(layer))[0]
+        changes["time"] = layer.find_played_time(time, project.length_of(layer))[0]
     return change_key_pose(project, puppet.id, dot.number, **changes)

@@ -38,7 +38,7 @@ class SampleRequest:
         """
         if self.character is not other.character or self.step != other.step:
             return False
-        pairs = [(kind, name) for kind, names in self.character.needed().items() for name in names]
+        pairs = [(kind, name) for kind, names in self.character.find_needed_ids().items() for name in names]
         project, other_project = self.project, other.project
         return all(
             getattr(project, kind).get(name) is getattr(other_project, kind).get(name) for kind, name in pairs
@@ -86,11 +86,11 @@ class MotionSamples:
         """Returns the positions (N, 3) in metres at a time, interpolated between two sampled frames."""
         frame_position = seconds / self.request.step
         low = int(np.floor(frame_position))
-        before, after = self.points.get(low), self.points.get(low + 1)
-        if before is None or after is None:
+        lower_point, upper_point = self.points.get(low), self.points.get(low + 1)
+        if lower_point is None or upper_point is None:
             nearest = min(self.points, key=lambda frame: abs(frame - frame_position))
             return self.points[nearest]
-        return np.asarray(before + (frame_position - low) * (after - before))
+        return np.asarray(lower_point + (frame_position - low) * (upper_point - lower_point))
 
 
 def sample_motion(wanted: SampleRequest, before: MotionSamples | None) -> MotionSamples:
@@ -107,7 +107,9 @@ def sample_motion(wanted: SampleRequest, before: MotionSamples | None) -> Motion
         samples = MotionSamples(wanted)
     if samples._compute_points is None:
         samples._compute_points = _make_point_function(wanted.project, wanted.character)
-        samples._surface = get_rig_edits(wanted.character).surface(wanted.project, wanted.character)
+        samples._surface = get_rig_edits(wanted.character).create_surface_player(
+            wanted.project, wanted.character
+        )
     if len(samples.points) > _MAX_CACHED_FRAMES:
         samples.points.clear()
     for frame in range(wanted.first, wanted.last + 1):

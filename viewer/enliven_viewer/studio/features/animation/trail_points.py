@@ -27,9 +27,9 @@ def choose_trail_points(
         chosen: the selected point, or None.
         chain: the selected chain of points. Its last point gets a trail.
     """
-    wanted = [point for point in (chosen, *chain[-1:]) if point is not None and point < len(rest)]
-    if wanted:
-        return tuple(dict.fromkeys(wanted))
+    wanted_points = [point for point in (chosen, *chain[-1:]) if point is not None and point < len(rest)]
+    if wanted_points:
+        return tuple(dict.fromkeys(wanted_points))
     if isinstance(character, ExampleCharacter):
         return tuple(range(min(len(rest), 2 * _MAX_TRAILS)))
     parents = character.parents

@@ -42,15 +42,15 @@ class MappingPanels:
 
     def make_pictures(self, view: Viewport) -> Callable[[], object]:
         """Returns the function that draws the image of the take, once per frame."""
-        from enliven_viewer.studio.app.style import to_screen_pixels
+        from enliven_viewer.studio.app.style import convert_to_screen_pixels
 
         self._view = view
 
         def draw() -> None:
             source = self._tool.source
-            posed = source.posed_skeleton() if self.is_shown() else None
+            posed = source.make_posed_skeleton() if self.is_shown() else None
             if posed is not None:
-                view.renderer.resize(to_screen_pixels(*source.size))
+                view.renderer.resize(convert_to_screen_pixels(*source.size))
                 view.draw([posed], source.lens, source.selection, source.overlay())
 
         return draw

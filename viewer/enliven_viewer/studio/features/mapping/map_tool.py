@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from enliven.document import Project, RiggedCharacter
 from enliven.errors import EnlivenError, InputError
 from enliven.mapping.automatic_mapping import RetargetedShape, create_automatic_plan, play_own_take, retarget
-from enliven.mapping.model_clips import is_own_take, loop_takes, mute_takes, own_clips, played_clip
+from enliven.mapping.model_clips import find_played_clip, is_own_take, list_own_clips, loop_takes, mute_takes
 from enliven.mapping.plan import Plan
 from enliven.mapping.quality import MotionQuality, measure_quality
 from enliven.mapping.softening import soften_plan
@@ -157,7 +157,7 @@ class MapTool(Tool):
             )
             return
 
-        before, gentle, loop = editor.project, self.gentle, self.loop
+        old_project, gentle, loop = editor.project, self.gentle, self.loop
         itself = is_own_take(clip, shape)
         plan = replace(create_automatic_plan(clip, shape), **vars(self.whole_body))
         if not (itself or plan.chains):
@@ -170,20 +170,20 @@ class MapTool(Tool):
 
         def fitted(project: Project) -> RetargetedShape:
             """Returns the shape with the take in place of its previous motion."""
-            still = mute_takes(project, shape.id)
-            still_shape = still.shape(shape.id)
+            muted = mute_takes(project, shape.id)
+            still_shape = muted.shape(shape.id)
             if itself:
-                retargeted = play_own_take(still_shape, clip, still)
+                retargeted = play_own_take(still_shape, clip, muted)
             else:
                 used_plan = soften_plan(plan, clip, still_shape) if gentle else plan
-                clips = [project.takes[name] for name in own_clips(project, project.shape(shape.id))]
-                retargeted = retarget(still_shape, clip, used_plan, still, clips)
+                clips = [project.takes[name] for name in list_own_clips(project, project.shape(shape.id))]
+                retargeted = retarget(still_shape, clip, used_plan, muted, clips)
             return (
                 replace(retargeted, project=loop_takes(retargeted.project, shape.id)) if loop else retargeted
             )
 
         def work() -> tuple[RetargetedShape, MotionQuality]:
-            retargeted = fitted(before)
+            retargeted = fitted(old_project)
             return retargeted, measure_quality(
                 retargeted.project, retargeted.shape_id, clip, retargeted.duration, retargeted.plan
             )
@@ -192,7 +192,7 @@ class MapTool(Tool):
             retargeted, quality = fitted_take
 
             def change(project: Project) -> Project:
-                return retargeted.project if project is before else fitted(project).project
+                return retargeted.project if project is old_project else fitted(project).project
 
             if editor.edit(later("map all of {0}", clip.id), change):
                 self._last_chain, self.last_mapping = None, (shape.id, clip.id, retargeted.plan, quality)
@@ -267,5 +267,5 @@ def _remove_clip(project: Project, shape_id: str) -> Project:
 
     Otherwise new motion would be added to the clip's motion.
     """
-    plays = played_clip(project, project.shape(shape_id)) is not None
+    plays = find_played_clip(project, project.shape(shape_id)) is not None
     return mute_takes(project, shape_id) if plays else project

@@ -103,11 +103,11 @@ def _draw_options(app: App, tool: MapTool) -> None:
     draw_tooltip("Options of “Whole body”: floor, steps, travel")
     if not imgui.begin_popup("whole body how"):
         return
-    for name, label, about in _WHOLE_BODY_OPTIONS:
-        on = imgui.checkbox(f"{tr(label)}###{name}", getattr(tool.whole_body, name))[1]
-        setattr(tool.whole_body, name, on)
+    for name, label, description in _WHOLE_BODY_OPTIONS:
+        is_on = imgui.checkbox(f"{tr(label)}###{name}", getattr(tool.whole_body, name))[1]
+        setattr(tool.whole_body, name, is_on)
         app.remember(f"whole {name}")
-        draw_tooltip(about)
+        draw_tooltip(description)
     _, tool.gentle = imgui.checkbox(
         labelled(
             tr("Move limbs less where the surface would stretch"),
@@ -211,20 +211,20 @@ def draw_matches(app: App, tool: MapTool, viewport: Area) -> None:
     imgui.begin("matches", None, FIXED_WINDOW_FLAGS | imgui.WindowFlags_.no_scrollbar)
     draw_note("Matches, the best first. Click a match to accept it.")
     tool.highlighted = tool.offered[0]
-    taken: MotionMatch | None = None
+    chosen: MotionMatch | None = None
     for number, offer in enumerate(tool.offered):
         if number:
             imgui.same_line()
         position = imgui.get_cursor_screen_pos()
         if imgui.invisible_button(f"##match {number}", _THUMBNAIL_SIZE):
-            taken = offer
+            chosen = offer
         app.remember(f"match {number}")
         if imgui.is_item_hovered():
             tool.highlighted = offer
         _draw_thumbnail(app, offer, position, tool.highlighted is offer)
     imgui.end()
-    if taken is not None:
-        tool.accept(taken)
+    if chosen is not None:
+        tool.accept(chosen)
         tool.offered, tool.highlighted = [], None
 
 

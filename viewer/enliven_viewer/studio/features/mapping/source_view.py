@@ -65,7 +65,7 @@ class SourceView:
             self.camera.orbit(-0.56, 0.0)
             self.camera.advance(10.0)
 
-    def posed_skeleton(self) -> StageCharacter | None:
+    def make_posed_skeleton(self) -> StageCharacter | None:
         """Returns the take's skeleton at the project's time. The take is looped. While playback is stopped at
         time 0, returns its first frame.
         """
@@ -121,13 +121,13 @@ class SourceView:
         return Overlay((), (SOURCE_ID, self.chain) if self.chain else None, hovered)
 
     def _find_joint(self, pixel: Point) -> Hit | None:
-        posed = self.posed_skeleton()
+        posed = self.make_posed_skeleton()
         return find_joint_at([posed], self.lens, pixel, self.editor.settings.reach) if posed else None
 
 
 def pose_take(clip: Clip, time: float) -> StageCharacter:
     """Returns a take's own skeleton at the frame nearest to ``time``, in seconds from its start."""
     frame = int(np.clip(round(time / clip.step), 0, len(clip.turns) - 1))
-    frame_clip = clip.mapped(lambda track: track[frame : frame + 1])
+    frame_clip = clip.map_values(lambda track: track[frame : frame + 1])
     joints, shape = joint_places(frame_clip)[0], still_shape(SOURCE_ID, clip.skeleton)
     return StageCharacter(shape, None, pose_from(shape, ShapePose(clip.turns[frame], joints), time), joints)

@@ -35,7 +35,7 @@ def make_outliner_actions(outliner: Outliner) -> Iterator[Action]:
         name = editor.selection.character or ""
         outliner.move(name, outliner.find_place(name) + direction)
 
-    def lacks_place(direction: int) -> str:
+    def describe_missing_place(direction: int) -> str:
         if lacks() or editor.selection.has_several:
             return lacks() or "Several shapes are chosen. Choose one shape to move it in the list."
         place = outliner.find_place(editor.selection.character or "") + direction
@@ -95,5 +95,5 @@ def make_outliner_actions(outliner: Outliner) -> Iterator[Action]:
             f"Move {name} in the list",
             (f"alt+{name}",),
             lambda direction=direction: step(direction),
-            lambda direction=direction: lacks_place(direction),
+            lambda direction=direction: describe_missing_place(direction),
         )

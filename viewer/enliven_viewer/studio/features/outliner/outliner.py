@@ -109,19 +109,23 @@ class Outliner:
 
     def end_rename(self, row: Row, *, keep: bool) -> None:
         """Applies the typed name, or keeps the old one."""
-        wanted, self.renaming = self.draft.strip(), ""
-        if not keep or not wanted or wanted == row.id:
+        new_name, self.renaming = self.draft.strip(), ""
+        if not keep or not new_name or new_name == row.id:
             return
-        editor, before = self.editor, self.editor.selection
+        editor, old_selection = self.editor, self.editor.selection
         if row.kind == TAKE:
-            editor.edit("rename", lambda project: rename_take(project, row.id, wanted))
-        elif editor.edit("rename", lambda project: rename_character(project, row.id, wanted)):
-            named = tuple(wanted if character == row.id else character for character in before.characters)
+            editor.edit("rename", lambda project: rename_take(project, row.id, new_name))
+        elif editor.edit("rename", lambda project: rename_character(project, row.id, new_name)):
+            named = tuple(
+                new_name if character == row.id else character for character in old_selection.characters
+            )
             editor.choose_all(*named)
-            if before.character == row.id:
-                editor.select(handle=before.handle, layer=before.layer, chain=before.chain)
+            if old_selection.character == row.id:
+                editor.select(
+                    handle=old_selection.handle, layer=old_selection.layer, chain=old_selection.chain
+                )
             if row.key in self.opened:
-                self.opened.add(f"{CHARACTER} {wanted}")
+                self.opened.add(f"{CHARACTER} {new_name}")
 
     # Visibility, locks and order --------------------------------------------------------------------------
 

@@ -196,8 +196,8 @@ def _handle_click(app: App, outliner: Outliner, row: Row, *, fold: bool) -> None
         app.show_take(row.id)
     elif row.kind in (CHARACTER, HANDLE):
         outliner.click(row, shift=io.key_shift, ctrl=io.key_ctrl)
-        alone = not app.editor.selection.has_several
-        if alone and app.editor.puppets.puppet is not None:
+        is_single = not app.editor.selection.has_several
+        if is_single and app.editor.puppets.puppet is not None:
             app.input.activate_tool("puppet")
 
 
@@ -248,10 +248,10 @@ def _draw_switch(app: App, name: str, icon: str, on: bool) -> bool:
         use_small_text(),
     ):
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(1, 2))
-        pressed = imgui.button(f"{icon}###{name}", ImVec2(_SWITCH_WIDTH - 2, _ROW_HEIGHT - 1))
+        is_pressed = imgui.button(f"{icon}###{name}", ImVec2(_SWITCH_WIDTH - 2, _ROW_HEIGHT - 1))
         imgui.pop_style_var()
     app.remember(name)
-    return bool(pressed)
+    return bool(is_pressed)
 
 
 def _handle_drag(outliner: Outliner, row: Row) -> None:

@@ -89,7 +89,7 @@ def _make_all_rows(project: Project, live: tuple[str, ...]) -> Iterator[Row]:
         below = list(_make_handle_rows(character))
         yield Row(CHARACTER, character.id, character.id, character.word, depth=1, folds=bool(below))
         yield from below
-    used = set().union(*(character.needed()["takes"] for character in project.characters.values()))
+    used = set().union(*(character.find_needed_ids()["takes"] for character in project.characters.values()))
     yield Row(GROUP, "takes", later("Takes"), str(len(project.takes)), folds=True)
     folded = [name for name in project.takes if name not in used and _is_onlooker(name)]
     for name in (name for name in project.takes if name not in folded):

@@ -63,7 +63,7 @@ def make_painting_actions(user_input: ViewportInput, tool: PaintTool) -> Iterato
         "Clear the paint",
         ("alt+y",),
         tool.clear,
-        tool.lacks_paint,
+        tool.describe_missing_paint,
         group=_MENU,
         about="Removes all paint, so that the whole mesh is equally stiff.",
     )

@@ -53,8 +53,8 @@ def _draw_swing(app: App, name: str) -> None:
     It takes effect on the stage during the drag.
     """
     project = app.editor.draft or app.editor.project
-    given = project.handling.get(name, FREE).exaggeration
-    far = 1.0 if given is None else given
+    exaggeration = project.handling.get(name, FREE).exaggeration
+    far = 1.0 if exaggeration is None else exaggeration
 
     def change(project: Project, wanted: float) -> Project:
         return handle_characters(project, [name], exaggeration=wanted)

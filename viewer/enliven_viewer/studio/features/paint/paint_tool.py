@@ -109,7 +109,7 @@ class PaintTool(Tool):
         name = self.editor.selection.character or ""
         self.editor.edit("clear the paint", lambda project: unpaint_character(project, name))
 
-    def lacks_paint(self) -> str:
+    def describe_missing_paint(self) -> str:
         """Returns the reason why no paint can be cleared, with advice, or an empty text if there is paint."""
         character = self.editor.find_selected()
         if character is None or character.mesh is None or character.mesh.stiffness is None:
@@ -121,27 +121,27 @@ class PaintTool(Tool):
 
     def press(self, pointer: Pointer) -> bool:
         self.editor.playing, self._pointer_position = False, pointer.at
-        over = self._find_touched_point(pointer)
-        if over is None:
+        touched_point = self._find_touched_point(pointer)
+        if touched_point is None:
             return False
-        if over[0] != self.editor.selection.character:
-            self.editor.select_only(over[0])
-        self._stroke, self._touched_point = [over[1]], over
+        if touched_point[0] != self.editor.selection.character:
+            self.editor.select_only(touched_point[0])
+        self._stroke, self._touched_point = [touched_point[1]], touched_point
         self._stroke_brush = self._choose_brush(pointer)
         return True
 
     def drag(self, pointer: Pointer) -> None:
         self._pointer_position = pointer.at
-        over = self._find_touched_point(pointer, measure=False)
-        if not self._stroke or over is None or over[0] != self.editor.selection.character:
+        touched_point = self._find_touched_point(pointer, measure=False)
+        if not self._stroke or touched_point is None or touched_point[0] != self.editor.selection.character:
             return
-        offset = over[1] - self._stroke[-1]
+        offset = touched_point[1] - self._stroke[-1]
         far, fine = float(np.linalg.norm(offset)), _POINT_SPACING * self._radius_m
         if far >= fine:
             steps = int(np.ceil(far / fine)) if far <= _MAX_GAP * self._radius_m else 1
             last = self._stroke[-1]
             self._stroke += [last + offset * (k + 1) / steps for k in range(steps)]
-            self._touched_point = over
+            self._touched_point = touched_point
 
     def release(self, pointer: Pointer) -> None:
         stroke, self._stroke = self._stroke, []
@@ -187,8 +187,8 @@ class PaintTool(Tool):
             other = reflect_points(self._touched_point[1], np.asarray(plane.point), np.asarray(plane.normal))
             nearest = int(np.linalg.norm(character.mesh.vertices - other, axis=1).argmin())
             marks += [
-                Disc(at, self.radius, (*MARK[:3], _MIRRORED_RING_OPACITY), 1.5)
-                for at in self.editor.lens.project_visible(posed.vertices[[nearest]])
+                Disc(pixel, self.radius, (*MARK[:3], _MIRRORED_RING_OPACITY), 1.5)
+                for pixel in self.editor.lens.project_visible(posed.vertices[[nearest]])
             ]
         return Overlay(tuple(marks))
 

@@ -70,7 +70,7 @@ class PerformAction:
         label = _FIRST_LABELS.get(self.label, self.label)
         return "perform." + re.sub(r"[^a-z]+", "_", label.lower()).strip("_")
 
-    def lacks(self, session: PerformSession) -> str:
+    def describe_missing(self, session: PerformSession) -> str:
         """Returns the reason why the action is unavailable now, with advice, or an empty text if it is
         available.
         """
@@ -84,15 +84,15 @@ NO_STAGE = later("No stage is connected. Connect to a stage, or start a stage, i
 def make_perform_actions(session: PerformSession) -> Iterator[Action]:
     """Yields every action, for menus, the command palette and the list of shortcuts."""
     for action in PERFORM_ACTIONS:
-        on = None if action.is_on is None else partial(action.is_on, session)
+        is_on = None if action.is_on is None else partial(action.is_on, session)
         yield Action(
             action.id,
             "Perform",
             action.label,
             (action.key,) if action.key else (),
             partial(action.do, session),
-            partial(action.lacks, session),
-            on,
+            partial(action.describe_missing, session),
+            is_on,
             about=action.about,
             apart=action.apart,
             group=action.group,
@@ -143,33 +143,33 @@ PERFORM_ACTIONS = (
         "Put the chosen character on the stage",
         "ctrl+enter",
         PerformSession.put_on_stage,
-        why_not=PerformSession.lacks_to_put,
+        why_not=PerformSession.describe_missing_to_put,
         apart=True,
     ),
     PerformAction(
         "Remove the character from the stage",
         "",
         PerformSession.remove_from_stage,
-        why_not=PerformSession.lacks_to_take_off,
+        why_not=PerformSession.describe_missing_to_take_off,
     ),
     PerformAction(
         "Record, or end the recording",
         "ctrl+r",
         lambda session: session.recording.toggle(),
-        why_not=PerformSession.lacks_edge,
+        why_not=PerformSession.describe_missing_edge,
         apart=True,
     ),
     PerformAction(
         "Record the last take again",
         "",
         lambda session: session.recording.record_again(),
-        why_not=PerformSession.lacks_edge,
+        why_not=PerformSession.describe_missing_edge,
     ),
     PerformAction(
         "Record an alternative take",
         "ctrl+shift+r",
         lambda session: session.recording.record_again(keeps_last=True),
-        why_not=PerformSession.lacks_recording,
+        why_not=PerformSession.describe_missing_recording,
     ),
     PerformAction(
         "Recordings begin here",
@@ -194,14 +194,16 @@ PERFORM_ACTIONS = (
         "x",
         _require_live_stage(LiveStage.scale_by_hands),
         _LIVE_WORKSPACES,
-        why_not=PerformSession.lacks_edge,
+        why_not=PerformSession.describe_missing_edge,
     ),
     PerformAction(
         "Reset the character's size",
         "z",
         lambda session: session.live and session.sizes.reset(session.target, session.live.feed.ask),
         _LIVE_WORKSPACES,
-        why_not=lambda session: session.lacks_edge() or session.sizes.lacks_size(session.target),
+        why_not=lambda session: (
+            session.describe_missing_edge() or session.sizes.describe_missing_size(session.target)
+        ),
     ),
     *(
         PerformAction(
@@ -233,7 +235,7 @@ PERFORM_ACTIONS = (
         "Open or close the microphone",
         "",
         lambda session: session.voice.toggle(session.client),
-        why_not=PerformSession.lacks_voice,
+        why_not=PerformSession.describe_missing_voice,
         is_on=lambda session: session.voice.is_on,
         about=(
             "Turns spoken commands on or off. The Perform panel shows the recognised words and lists the "
@@ -245,7 +247,7 @@ PERFORM_ACTIONS = (
             f"Physics: {label}",
             "",
             lambda session, number=number: session.physics.ask(session.client, number),
-            why_not=PerformSession.lacks_physics,
+            why_not=PerformSession.describe_missing_physics,
             is_on=lambda session, number=number: session.physics.number == number,
             group="Physics",
         )

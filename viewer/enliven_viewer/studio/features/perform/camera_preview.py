@@ -167,7 +167,7 @@ def _draw_figure(
 def _draw_tooltip(app: App, area: Area) -> None:
     """Shows a tooltip with the shortcut that hides the inset while the pointer is over it."""
     io = imgui.get_io()
-    if area.holds(io.mouse_pos.x, io.mouse_pos.y) and not io.want_capture_mouse and not io.mouse_down[0]:
+    if area.contains(io.mouse_pos.x, io.mouse_pos.y) and not io.want_capture_mouse and not io.mouse_down[0]:
         imgui.set_tooltip(app.actions.make_tooltip(app.actions["view.performer"]))
 
 
@@ -194,9 +194,9 @@ def find_side_view_area(app: App, area: Area) -> Area:
     )
     width, top = _SIDE_VIEW_ASPECT * height, area.y + _SIDE_VIEW_MARGIN
     left = area.x + area.width - width - _SIDE_VIEW_MARGIN
-    taken = app.widgets.get("performer inset")
-    if taken is not None and taken[2] > left and taken[1] < top + height:
-        top = taken[3] + _SIDE_VIEW_MARGIN
+    inset = app.widgets.get("performer inset")
+    if inset is not None and inset[2] > left and inset[1] < top + height:
+        top = inset[3] + _SIDE_VIEW_MARGIN
     return Area(left, top, width, height)
 
 

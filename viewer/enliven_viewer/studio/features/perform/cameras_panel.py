@@ -245,12 +245,12 @@ def _draw_edge(
     """Draws one edge. Its row has the same height with and without an image."""
     position, draw_list = imgui.get_cursor_screen_pos(), imgui.get_window_draw_list()
     imgui.begin_disabled(not edge.is_usable)
-    pressed = imgui.selectable(f"###found {number}", False, 0, ImVec2(available_width, _ROW_HEIGHT))[0]
+    is_pressed = imgui.selectable(f"###found {number}", False, 0, ImVec2(available_width, _ROW_HEIGHT))[0]
     imgui.end_disabled()
     app.remember(f"found {number}")
     state_text = describe_edge_state(edge)
     draw_tooltip(f"{edge.announcement.name}, {edge.endpoint}: {state_text}")
-    if pressed:
+    if is_pressed:
         app.run_and_report(partial(app.state(PerformSession).connect, str(edge.endpoint)))
     low = ImVec2(position.x, position.y + 2)
     far = ImVec2(position.x + _PICTURE_WIDTH, position.y + _ROW_HEIGHT - 2)

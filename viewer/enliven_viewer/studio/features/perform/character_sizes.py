@@ -49,7 +49,7 @@ class CharacterSizes:
         """Returns the scale factor of a character on the stage, relative to its original size."""
         return self._edge_sizes[name].size if name in self._edge_sizes else 1.0
 
-    def wanted_size(self, name: str) -> float:
+    def compute_wanted_size(self, name: str) -> float:
         """Returns the scale factor that a character of the project should have on the stage."""
         return self._editor.project.handling.get(name, FREE).size
 
@@ -58,11 +58,11 @@ class CharacterSizes:
         differ.
         """
         client.take(SIZES)
-        before, self._edge_sizes = self._edge_sizes, {}
+        old_sizes, self._edge_sizes = self._edge_sizes, {}
         for message in client.latest(SIZES).values():
             if message.character in standing:
                 self._edge_sizes[message.character] = message
-        self._update_text(before)
+        self._update_text(old_sizes)
         for name in standing:
             self._send_exaggeration(name, client)
         if self._editor.draft is not None:
@@ -70,10 +70,10 @@ class CharacterSizes:
         for name in standing:
             if name not in self._editor.project.characters or name == self.scaled_character:
                 continue
-            if name in before and before[name].body >= 0:
+            if name in old_sizes and old_sizes[name].body >= 0:
                 self._store_size(name)
-            elif abs(self.find_size(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
-                size = self.wanted_size(name)
+            elif abs(self.find_size(name) / self.compute_wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
+                size = self.compute_wanted_size(name)
                 self._send_value(client, Resize("set", name, size=size), size)
 
     def forget(self) -> None:
@@ -87,13 +87,14 @@ class CharacterSizes:
         elif name is not None:
             ask(Resize("set", name))
 
-    def lacks_size(self, name: str | None) -> str:
+    def describe_missing_size(self, name: str | None) -> str:
         """Returns the reason why the size cannot be reset, with advice, or an empty text if it
         can be reset.
         """
         if (
             name is not None
-            and max(abs(self.find_size(name) - 1.0), abs(self.wanted_size(name) - 1.0)) > _SIZE_TOLERANCE
+            and max(abs(self.find_size(name) - 1.0), abs(self.compute_wanted_size(name) - 1.0))
+            > _SIZE_TOLERANCE
         ):
             return ""
         return "The character already has its original size. Scale it with both hands first"
@@ -106,16 +107,16 @@ class CharacterSizes:
             self.text = size, tr("Hands apart: larger. Hands together: smaller. Hold still to keep the size.")
             self._text_until = now + _TEXT_S
         elif self.text is not None:
-            ended = next((name for name, message in before.items() if message.body >= 0), None)
-            if ended is not None:
-                self.text = f"{ended}: {self.find_size(ended):.0%}", tr("This size is kept.")
+            released_name = next((name for name, message in before.items() if message.body >= 0), None)
+            if released_name is not None:
+                self.text = f"{released_name}: {self.find_size(released_name):.0%}", tr("This size is kept.")
                 self._editor.frame_all(reset=False)
             if now > self._text_until:
                 self.text = None
 
     def _store_size(self, name: str) -> None:
         """Stores a size that was set by a gesture as an edit of the project."""
-        if abs(self.find_size(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
+        if abs(self.find_size(name) / self.compute_wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
             self._edit(name, self.find_size(name))
 
     def _edit(self, name: str, size: float) -> None:
@@ -131,17 +132,17 @@ class CharacterSizes:
         """
         project = self._editor.draft or self._editor.project
         edge_exaggeration = self._edge_sizes[name].exaggeration if name in self._edge_sizes else None
-        wanted = project.handling.get(name, FREE).exaggeration
-        if name in project.characters and wanted != edge_exaggeration:
-            self._send_value(client, Resize("exaggerate", name, exaggeration=wanted), wanted)
+        exaggeration = project.handling.get(name, FREE).exaggeration
+        if name in project.characters and exaggeration != edge_exaggeration:
+            self._send_value(client, Resize("exaggerate", name, exaggeration=exaggeration), exaggeration)
 
     def _send_value(self, client: EdgeClient, order: Resize, wanted: float | None) -> None:
         """Sends a value of the project to the edge. Does not repeat it while an answer may still arrive, or
         after a refusal.
         """
         key, now = (order.do, order.character or ""), time.monotonic()
-        asked, when = self._sent_values.get(key, (np.nan, -_RESEND_INTERVAL_S))
-        if asked != wanted or now - when > _RESEND_INTERVAL_S:
+        sent_value, when = self._sent_values.get(key, (np.nan, -_RESEND_INTERVAL_S))
+        if sent_value != wanted or now - when > _RESEND_INTERVAL_S:
             self._sent_values[key] = wanted, now
             client.ask(order, lambda answer: self._handle_answer(order, wanted, answer))
 

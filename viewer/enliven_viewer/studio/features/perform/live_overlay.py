@@ -84,7 +84,9 @@ class LiveOverlay:
                 hidden.add(name)
         self.hidden = frozenset(hidden)
         self._layers = {name: layer for name, layer in self._layers.items() if name in hidden}
-        self._performances = {name: over for name, over in self._performances.items() if name in hidden}
+        self._performances = {
+            name: performance for name, performance in self._performances.items() if name in hidden
+        }
         return replace(scene, actors=tuple(actors), boards=boards)
 
     def _add_live_motion(

@@ -107,10 +107,10 @@ def _draw_record_button(app: App, recording: StageRecording, size: ImVec2) -> No
     else:
         label, drawn = "\uf111  " + tr("Record"), nullcontext()
     with drawn:
-        pressed = imgui.button(f"{label}###record", size)
+        is_pressed = imgui.button(f"{label}###record", size)
     if imgui.is_item_activated():
         recording.phase_when_pressed = recording.phase
-    if pressed and (recording.phase_when_pressed == "idle") == (recording.phase == "idle"):
+    if is_pressed and (recording.phase_when_pressed == "idle") == (recording.phase == "idle"):
         recording.toggle()
     app.remember("record")
     draw_tooltip("Records your movements on the timeline while everything else plays  (Ctrl+R)")

@@ -55,7 +55,7 @@ class FollowedStage(Protocol):
     def performers(self) -> tuple[int, ...]:
         """Returns the ids of the performers in view."""
 
-    def lacks_edge(self) -> str:
+    def describe_missing_edge(self) -> str:
         """Returns the reason why no edge can be used, or an empty text if one can be used."""
 
 
@@ -149,12 +149,12 @@ class PossessionRequests:
         """
         stage, live = self._stage, self._stage.live
         if live is None:
-            return stage.lacks_edge()
+            return stage.describe_missing_edge()
         if not stage.connected:
             # An edge is silent for seconds while it prepares a character. A press from before stays valid
             # during this time.
             is_coming = press.is_accepted or (live.is_local and not len(live.document.timeline))
-            return "" if is_coming else stage.lacks_edge()
+            return "" if is_coming else stage.describe_missing_edge()
         name, phase = press.character, self._scan_message.phase
         state = stage.sender.states.get(name, "")
         if state.startswith("refused"):
@@ -183,7 +183,7 @@ class PossessionRequests:
         if live is None or stage.client is None:
             return ""
         if not stage.connected and len(live.document.timeline):
-            return stage.lacks_edge()
+            return stage.describe_missing_edge()
         if not stage.connected or not (stage.stage_ids or stage.client.edges[0].has_all_characters):
             return live.preparation_text
         if self._scan_message.phase == "finishing":
@@ -250,8 +250,10 @@ class PossessionRequests:
             return
         self.forget()
         if isinstance(answer, Refused) and answer.reason != SUPERSEDED:
-            where, _, problem = answer.reason.partition(": ")
-            self._cancel_with_reason(problem if where.startswith(("possessing", "stage")) else answer.reason)
+            location, _, problem = answer.reason.partition(": ")
+            self._cancel_with_reason(
+                problem if location.startswith(("possessing", "stage")) else answer.reason
+            )
 
     def _cancel_with_reason(self, reason: str) -> None:
         """Shows the reason and the advice, and cancels the press."""

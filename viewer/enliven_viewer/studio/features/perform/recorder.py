@@ -42,11 +42,11 @@ class Stillness:
         moved = len(frame.bodies) == 0
         for body in frame.bodies:
             place = self._places.get(body.id)
-            off = 0.0
+            offset = 0.0
             if place is not None:
                 far = np.linalg.norm(body.joints - place, axis=1)
-                off = float(np.max(far, where=body.confidence > _MIN_CONFIDENCE, initial=0.0))
-            if place is None or off > _MAX_MOVEMENT_M:
+                offset = float(np.max(far, where=body.confidence > _MIN_CONFIDENCE, initial=0.0))
+            if place is None or offset > _MAX_MOVEMENT_M:
                 self._places[body.id], moved = body.joints, True
                 self._has_moved |= place is not None
         if moved:
@@ -114,18 +114,20 @@ class Holders:
     def current_holders(self) -> tuple[Holder, ...]:
         """Returns all performers who control a character, sorted by id."""
         holders = [
-            Holder(body, name, own) for name, held in self._parts.items() for body, own in held.items()
+            Holder(body, name, own_parts)
+            for name, held in self._parts.items()
+            for body, own_parts in held.items()
         ]
         return tuple(sorted(holders, key=lambda holder: (holder.body, holder.character)))
 
     def record_change(self, message: HoldMessage) -> None:
         """Processes a change of attachments."""
-        before = self._parts.get(message.character, {})
-        if not before:
+        old_parts = self._parts.get(message.character, {})
+        if not old_parts:
             self.since_free[message.character] = []
         self.since_free[message.character].append(message)
-        parts_before = before.get(message.former if message.mode == "take over" else message.body, ())
-        held = {} if message.mode in ("alone", "remove") else dict(before)
+        parts_before = old_parts.get(message.former if message.mode == "take over" else message.body, ())
+        held = {} if message.mode in ("alone", "remove") else dict(old_parts)
         if message.mode in ("alone", "join"):
             held[message.body] = (message.parts,)
         elif message.mode == "extend":
@@ -213,21 +215,21 @@ class LiveRecorder:
     def end(self) -> PerformedMotion:
         """Ends the recording and returns it."""
         assert self._recording is not None
-        kept, self._recording, self._delay_ns = self._recording, None, None
-        kept.events.sort(key=lambda event: event.time_ns)
-        return kept
+        recording, self._recording, self._delay_ns = self._recording, None, None
+        recording.events.sort(key=lambda event: event.time_ns)
+        return recording
 
     def copy_unfinished(self) -> PerformedMotion | None:
         """Returns a copy of the unfinished recording, which continues, or None without a recording."""
         if self._recording is None:
             return None
-        kept = self._recording
+        recording = self._recording
         return replace(
-            kept,
-            frames=list(kept.frames),
-            events=sorted(kept.events, key=lambda event: event.time_ns),
-            characters=dict(kept.characters),
-            poses={key: list(poses) for key, poses in kept.poses.items()},
+            recording,
+            frames=list(recording.frames),
+            events=sorted(recording.events, key=lambda event: event.time_ns),
+            characters=dict(recording.characters),
+            poses={key: list(poses) for key, poses in recording.poses.items()},
         )
 
     def record(self, topic: Topic, value: Any) -> None:
@@ -255,13 +257,18 @@ class LiveRecorder:
         self.holders.forget()
 
     def _record_pose(self, received: Any) -> None:
-        pose, kept = received.pose, self._recording
+        pose, recording = received.pose, self._recording
         self._follow_clock(pose.time_ns)
-        if kept is None or self.is_cut_short or received.character is None or pose.time_ns < kept.since_ns:
+        if (
+            recording is None
+            or self.is_cut_short
+            or received.character is None
+            or pose.time_ns < recording.since_ns
+        ):
             return
         key = pose.character, received.revision
-        kept.characters.setdefault(key, received.character)
-        kept.poses.setdefault(key, []).append(pose)
+        recording.characters.setdefault(key, received.character)
+        recording.poses.setdefault(key, []).append(pose)
 
     def _follow_clock(self, time_ns: int) -> None:
         """Updates the known sensor time, and starts a recording that waits for it.

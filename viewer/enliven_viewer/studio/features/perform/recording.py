@@ -266,8 +266,8 @@ class StageRecording:
 
     def _end_span(self, span: tuple[float, float]) -> None:
         """Keeps the recording of the span. In loop mode the next pass starts at once."""
-        begun = self.recorder.since_ns + round((span[1] - self._start_time) * 1e9)
-        self.stop(begun)
+        start_ns = self.recorder.since_ns + round((span[1] - self._start_time) * 1e9)
+        self.stop(start_ns)
         if self.loops:
             if alternatives := find_alternatives(self.editor.project, self.last_recording):
                 self._mute_alternatives(alternatives)

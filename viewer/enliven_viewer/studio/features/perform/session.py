@@ -75,7 +75,13 @@ class PerformSession:
         self._live_overlay = LiveOverlay(editor)
         self.secondary_edges: list[SecondaryEdge] = []
         self.recording = StageRecording(
-            *(editor, lambda: self.live, lambda: self.connected, self._check_availability, self.lacks_edge),
+            *(
+                editor,
+                lambda: self.live,
+                lambda: self.connected,
+                self._check_availability,
+                self.describe_missing_edge,
+            ),
             self.secondary_edges,
         )
         self.close_up = CloseUp(editor)
@@ -127,35 +133,37 @@ class PerformSession:
         Raises:
             InputError: if the address is invalid, or already followed.
         """
-        wanted = address.strip()
+        wanted_address = address.strip()
         if self._client is None:
-            self.connect(wanted, settings)
+            self.connect(wanted_address, settings)
             return
         endpoints = [
             self._client.edges[0].endpoint,
             *(parse_endpoint(guest.address) for guest in self.secondary_edges),
         ]
-        if parse_endpoint(wanted) in endpoints:
+        if parse_endpoint(wanted_address) in endpoints:
             remedy = tr("Type the address of another computer with a camera.")
-            raise InputError(tr("this window already follows that stage"), where=wanted, remedy=remedy)
+            raise InputError(
+                tr("this window already follows that stage"), where=wanted_address, remedy=remedy
+            )
         # Use the smallest free number, so that no two edges have the same number.
-        taken = {guest.number for guest in self.secondary_edges}
-        number = next(n for n in range(1, len(taken) + 2) if n not in taken)
+        taken_numbers = {guest.number for guest in self.secondary_edges}
+        number = next(n for n in range(1, len(taken_numbers) + 2) if n not in taken_numbers)
         self._client.edges[0].align_clock()
         prefix = partial(self.shared_space.prefix_of, number)
-        self.secondary_edges.append(SecondaryEdge(wanted, number, settings, prefix))
-        self.addresses.remember(wanted)
+        self.secondary_edges.append(SecondaryEdge(wanted_address, number, settings, prefix))
+        self.addresses.remember(wanted_address)
 
     def make_primary(self, guest: SecondaryEdge, settings: PlaybackSettings | None = None) -> None:
         """Makes a secondary edge the primary one, which receives orders and characters."""
         if self._client is None:
             return
-        before, others = (
+        old_primary, others = (
             str(self._client.edges[0].endpoint),
             [o.address for o in self.secondary_edges if o is not guest],
         )
         self.connect(guest.address, settings)
-        for address in (before, *others):
+        for address in (old_primary, *others):
             self.add_secondary(address, settings)
 
     def remove_secondary(self, guest: SecondaryEdge) -> None:
@@ -368,7 +376,7 @@ class PerformSession:
 
     # Characters on the stage ------------------------------------------------------------------------------
 
-    def lacks_edge(self) -> str:
+    def describe_missing_edge(self) -> str:
         """Returns the reason why no edge can be used, with advice, or an empty text if an edge
         can be used.
         """
@@ -378,52 +386,52 @@ class PerformSession:
             return tr("{0}. Wait until the camera sees a person", self.live.preparation_text)
         return "The stage sends nothing. Check that its camera program (enliven edge) is running"
 
-    def lacks_voice(self) -> str:
+    def describe_missing_voice(self) -> str:
         """Returns the reason why the microphone cannot be switched, with advice, or an empty
         text if it can.
         """
-        return self.lacks_edge() or (self.voice.status if self.voice.state is None else "")
+        return self.describe_missing_edge() or (self.voice.status if self.voice.state is None else "")
 
-    def lacks_physics(self) -> str:
+    def describe_missing_physics(self) -> str:
         """Returns the reason why the physics cannot be switched, with advice, or an empty text
         if they can.
         """
-        return self.lacks_edge() or (self.physics.state_text if self.physics.state is None else "")
+        return self.describe_missing_edge() or (self.physics.state_text if self.physics.state is None else "")
 
-    def lacks_recording(self) -> str:
+    def describe_missing_recording(self) -> str:
         """Returns the reason why no alternative of the last recording can be recorded, with advice. The text
         is empty if this is possible.
         """
         last = self.recording.last_recording or self.recording.phase == "recording"
-        return self.lacks_edge() or ("" if last else "Nothing was recorded yet. Record first")
+        return self.describe_missing_edge() or ("" if last else "Nothing was recorded yet. Record first")
 
-    def lacks_to_put(self) -> str:
+    def describe_missing_to_put(self) -> str:
         """Returns the reason why the selected character cannot be put on the stage, with advice. The text is
         empty if it can.
         """
         character = self.editor.find_selected()
         if character is None:
             return (
-                self.lacks_edge()
+                self.describe_missing_edge()
                 or "Nothing is chosen. Click the character that you want to put on the stage"
             )
         no_surface_text = (
             "The chosen shape has no surface, so it cannot be possessed" if character.mesh is None else ""
         )
-        return self.lacks_edge() or no_surface_text
+        return self.describe_missing_edge() or no_surface_text
 
-    def lacks_to_take_off(self) -> str:
+    def describe_missing_to_take_off(self) -> str:
         """Returns the reason why the selected character cannot leave the stage, with advice, or an empty
         text if it can.
         """
         is_on_stage = self.editor.selection.character in self.stage_ids
-        return self.lacks_edge() or (
+        return self.describe_missing_edge() or (
             "" if is_on_stage else "The chosen character is not on the stage. Choose a character on the stage"
         )
 
     def put_on_stage(self) -> None:
         """Puts the selected character on the stage, where it follows every edit."""
-        if self._check_availability(self.lacks_to_put()) and self.stage is not None:
+        if self._check_availability(self.describe_missing_to_put()) and self.stage is not None:
             self.sender.send(self.stage, self.editor.project, self.editor.selection.character or "")
 
     def put_when_ready(self, name: str) -> None:
@@ -451,7 +459,10 @@ class PerformSession:
 
     def remove_from_stage(self, name: str = "") -> None:
         """Removes a character from the stage, by default the selected character."""
-        if self._check_availability("" if name else self.lacks_to_take_off()) and self.stage is not None:
+        if (
+            self._check_availability("" if name else self.describe_missing_to_take_off())
+            and self.stage is not None
+        ):
             self.sender.remove(self.stage, name or self.editor.selection.character or "")
 
     def _check_availability(self, lacking: str) -> bool:

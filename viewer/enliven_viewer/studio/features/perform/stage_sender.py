@@ -91,11 +91,11 @@ class StageSender:
     def _make_placement_note(self, name: str) -> str:
         """Returns a note for the artist about a character that was put on the stage."""
         if texture_bytes(self._sent[name]) > MAX_TEXTURE_BYTES:
-            most = MAX_TEXTURE_BYTES >> 20
+            max_megabytes = MAX_TEXTURE_BYTES >> 20
             return tr(
                 "The character's textures have more than {0} MB, so they are not sent. Make the texture "
                 "images smaller.",
-                most,
+                max_megabytes,
             )
         return tr("The character on the stage follows every edit.")
 
@@ -113,5 +113,6 @@ def _differs_in_motion_only(character: RigBase, sent: RigBase) -> bool:
     """
     kinds = isinstance(character, GraphCharacter) and isinstance(sent, GraphCharacter)
     return kinds and all(
-        getattr(character, each) is getattr(sent, each) for each in (*character.drawn_by, "ends", "joints")
+        getattr(character, attribute) is getattr(sent, attribute)
+        for attribute in (*character.drawn_by, "ends", "joints")
     )

@@ -217,8 +217,8 @@ class StagePhysics:
     @property
     def number(self) -> int:
         """Returns the index of the current entry of :data:`LOOSE_WORLDS`."""
-        on = self.state is not None and self.state.state in ("preparing", "on")
-        return LOOSE_WORLDS.index(self.state.world) if on and self.state is not None else 0
+        is_on = self.state is not None and self.state.state in ("preparing", "on")
+        return LOOSE_WORLDS.index(self.state.world) if is_on and self.state is not None else 0
 
     @property
     def state_text(self) -> str:

@@ -14,8 +14,8 @@ from enliven_viewer.studio.puppets.example_edits import (
     describe_constraint,
     find_layer_number,
     list_constraints,
+    remove_constraint_from,
     with_constraint,
-    without_constraint,
 )
 
 _REMOVE_ICON = "\uf00d"
@@ -40,7 +40,7 @@ def draw_constraint_buttons(app: App, puppet: ExampleCharacter) -> None:
         return
     draw_note("fix the point at the playhead")
     take = editor.project.takes[puppet.layers[number].take]
-    frame = round(puppet.layers[number].played(editor.time, take.duration)[0] / take.step)
+    frame = round(puppet.layers[number].find_played_time(editor.time, take.duration)[0] / take.step)
     name = puppet.points[chosen].name
     third = ImVec2((imgui.get_content_region_avail().x - 16) / 3, 0)
     new_constraint: HardConstraint | None = None
@@ -85,6 +85,6 @@ def _draw_constraint_row(
         imgui.same_line(width - 12)
         if imgui.small_button(f"{_REMOVE_ICON}##held {row}"):
             editor.edit(
-                "remove constraint", lambda project: without_constraint(project, puppet.id, number, held)
+                "remove constraint", lambda project: remove_constraint_from(project, puppet.id, number, held)
             )
         app.remember(f"let go {row}")

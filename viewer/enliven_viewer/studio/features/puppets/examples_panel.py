@@ -74,12 +74,12 @@ def _draw_head(app: App, puppet: ExampleCharacter) -> None:
 
 def _draw_next_step(app: App, puppet: ExampleCharacter) -> None:
     """Draws the highlighted button of the next step. It is always at the same position."""
-    label, about, act = _find_next_step(app, puppet)
+    label, description, act = _find_next_step(app, puppet)
     with push_fill(ACCENT):
         if imgui.button(f"{label}###next step", ImVec2(-1, _NEXT_HEIGHT)):
             act()
     app.remember("next step")
-    draw_tooltip(about)
+    draw_tooltip(description)
 
 
 def _find_next_step(app: App, puppet: ExampleCharacter) -> tuple[str, str, Callable[[], object]]:

@@ -55,7 +55,7 @@ class Gizmo:
 
     def find_part(self, pixel: Point) -> str:
         """Returns the name of the part under a pixel, or an empty string."""
-        centre, tips = self._projected_arrows()
+        centre, tips = self._project_arrows()
         if not np.isfinite(centre).all() or not np.isfinite(tips).all():
             return ""
         point = np.array(pixel)
@@ -97,9 +97,9 @@ class Gizmo:
         """Returns the step in metres to which Shift snaps the movement: a round number near the size of ten
         pixels.
         """
-        wanted = 10.0 * self.pixel
-        power = 10.0 ** np.floor(np.log10(wanted))
-        return float(power * _SNAP_STEP_FACTORS[np.abs(_SNAP_STEP_FACTORS * power - wanted).argmin()])
+        wanted_length = 10.0 * self.pixel
+        power = 10.0 ** np.floor(np.log10(wanted_length))
+        return float(power * _SNAP_STEP_FACTORS[np.abs(_SNAP_STEP_FACTORS * power - wanted_length).argmin()])
 
     def rows(self, highlighted_part: str, alone: str = "") -> Float32:
         """Returns the arrows as rows of :func:`make_tube_rows`. ``alone`` names the dragged part."""
@@ -115,7 +115,7 @@ class Gizmo:
 
     def marks(self, highlighted_part: str, alone: str = "") -> tuple[Fill | Line | Disc, ...]:
         """Returns the squares and the ring, as marks over the image."""
-        centre, _ = self._projected_arrows()
+        centre, _ = self._project_arrows()
         if not np.isfinite(centre).all():
             return ()
         marks: list[Fill | Line | Disc] = []
@@ -125,12 +125,12 @@ class Gizmo:
             part = GIZMO_PARTS[3 + axis]
             if not self._is_square_visible(axis) or (alone and alone != part):
                 continue
-            colour = _to_float_colour(HELD_AXIS if highlighted_part == part else AXIS_COLOURS[axis])
+            colour = _convert_to_float_colour(HELD_AXIS if highlighted_part == part else AXIS_COLOURS[axis])
             corners = tuple((float(x), float(y)) for x, y in self._find_square(axis))
             marks.append(Fill(corners, (*colour[:3], 0.62 if highlighted_part == part else 0.34)))
             marks.append(Line(corners, (*colour[:3], 0.95), 1.5, closed=True))
         if not alone or alone == "view":
-            tint = _to_float_colour(HELD_AXIS) if highlighted_part == "view" else (*MARK[:3], 0.85)
+            tint = _convert_to_float_colour(HELD_AXIS) if highlighted_part == "view" else (*MARK[:3], 0.85)
             marks.append(Disc((float(centre[0]), float(centre[1])), _RING_RADIUS_PX, tint, 2.0))
         return tuple(marks)
 
@@ -144,7 +144,7 @@ class Gizmo:
         if not np.isfinite(pixels).all():
             return []
         first, last = ((float(x), float(y)) for x, y in pixels)
-        return [Line((first, last), (*_to_float_colour(AXIS_COLOURS[axis])[:3], 0.55), 1.2)]
+        return [Line((first, last), (*_convert_to_float_colour(AXIS_COLOURS[axis])[:3], 0.55), 1.2)]
 
     def _make_arrow(self, axis: int, colour: Paint) -> Float32:
         arrow_vector, pixel = np.eye(3)[axis] * self.pixel, self.pixel
@@ -157,7 +157,7 @@ class Gizmo:
         rows[1, 7] = 0.15 * pixel
         return rows
 
-    def _projected_arrows(self) -> tuple[Float, Float]:
+    def _project_arrows(self) -> tuple[Float, Float]:
         """Returns the pixel (2,) of the gizmo's position, and the pixels (3, 2) of the arrow tips."""
         points = np.concatenate([self.place[None], self.place + np.eye(3) * ARROW_LENGTH_PX * self.pixel])
         pixels, _ = self.lens.project(points)
@@ -220,5 +220,5 @@ def _is_inside(corners: Float, point: Float) -> bool:
     return bool(np.isfinite(side).all() and ((side >= 0).all() or (side <= 0).all()))
 
 
-def _to_float_colour(colour: Paint) -> Colour:
+def _convert_to_float_colour(colour: Paint) -> Colour:
     return (colour[0] / 255, colour[1] / 255, colour[2] / 255, 1.0)

@@ -100,7 +100,7 @@ class PerformerView:
         editor, puppet = self.editor, self.editor.puppets.puppet
         number = None if puppet is None else find_layer_number(puppet, editor.selection.layer, take)
         if puppet is not None and number is not None:
-            return puppet.layers[number].played(editor.time, editor.project.takes[take].duration)[0]
+            return puppet.layers[number].find_played_time(editor.time, editor.project.takes[take].duration)[0]
         return min(editor.time, editor.project.takes[take].duration)
 
     def show(self, take: str) -> None:

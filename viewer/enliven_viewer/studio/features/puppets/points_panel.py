@@ -9,7 +9,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import ControlPoint, ExampleCharacter, Project
 from enliven.modeling.puppet.points import change_point
 from enliven.modeling.puppet.poses import set_symmetry
-from enliven.modeling.puppet.suggest import suggested_joint, suggested_vertices
+from enliven.modeling.puppet.suggest import suggest_extremities, suggest_joint
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.fields import Change, draw_name_field, draw_slider, draw_switch, draw_tooltip
@@ -145,7 +145,7 @@ def _draw_joint_list(app: App, puppet: ExampleCharacter, point: ControlPoint) ->
         clip = editor.project.takes.get(take or "")
         names = clip.skeleton.names if clip is not None else ()
         if clip is not None:
-            best = suggested_joint(editor.project, puppet.id, str(take), point.name)
+            best = suggest_joint(editor.project, puppet.id, str(take), point.name)
             if imgui.selectable(labelled(tr("{0}   likely", best), "likely"), best == point.joint)[0]:
                 app.state(PerformerView).pair(best)
             imgui.separator()
@@ -184,7 +184,7 @@ def suggest_points(app: App, puppet: ExampleCharacter) -> bool:
     """Adds control points at the ends of the mesh's limbs, as one edit."""
 
     def change(project: Project) -> Project:
-        return with_points(project, puppet.id, suggested_vertices(puppet.mesh, _SUGGESTION_COUNT))
+        return with_points(project, puppet.id, suggest_extremities(puppet.mesh, _SUGGESTION_COUNT))
 
     return app.editor.edit("suggest control points", change)
 
@@ -192,11 +192,13 @@ def suggest_points(app: App, puppet: ExampleCharacter) -> bool:
 def _draw_symmetry(app: App, puppet: ExampleCharacter) -> None:
     """Draws the symmetry options: mirrored examples, the plane, and editing both sides at once."""
     editor = app.editor
-    toggled, on = imgui.checkbox(labelled(tr("symmetric"), "symmetric"), puppet.symmetry is not None)
+    toggled, is_symmetric = imgui.checkbox(
+        labelled(tr("symmetric"), "symmetric"), puppet.symmetry is not None
+    )
     app.remember("symmetric")
     draw_tooltip("Uses the mirror image of each key pose as well, so you need to pose only one side")
     if toggled:
-        set_mirrored(app, puppet, on)
+        set_mirrored(app, puppet, is_symmetric)
         return
     if puppet.symmetry is None:
         return
@@ -204,13 +206,13 @@ def _draw_symmetry(app: App, puppet: ExampleCharacter) -> None:
     imgui.same_line()
     with use_small_text(), push_colours(QUIET, imgui.Col_.text):
         imgui.text_unformatted(tr(_AXIS_LABELS[normal.index(max(normal))]))
-    toggled, on = imgui.checkbox(
+    toggled, is_symmetric = imgui.checkbox(
         labelled(tr("edit both sides at once"), "edit both sides at once"), editor.puppets.symmetric
     )
     app.remember("both sides")
     draw_tooltip("Puts and drags each control point together with its mirror image")
     if toggled:
-        editor.puppets.set_symmetric(on)
+        editor.puppets.set_symmetric(is_symmetric)
 
 
 def set_mirrored(app: App, puppet: ExampleCharacter, on: bool) -> None:

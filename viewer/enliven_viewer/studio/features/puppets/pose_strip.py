@@ -145,10 +145,10 @@ def _draw_pose_buttons(app: App, puppet: ExampleCharacter, number: int) -> None:
         if place:
             imgui.same_line(0, 5)
         with push_fill(ACCENT) if label == "Done" else nullcontext():
-            pressed = imgui.button(f"{tr(label)}###{label}")
+            is_pressed = imgui.button(f"{tr(label)}###{label}")
         app.remember(f"pose {label}")
         draw_tooltip(tooltips[label])
-        if pressed:
+        if is_pressed:
             run_pose_command(app, puppet, number, label)
 
 
@@ -184,10 +184,10 @@ def _find_free_time(app: App, puppet: ExampleCharacter, number: int) -> float:
     """
     key = puppet.poses[number]
     clip = app.editor.project.takes[key.take]
-    taken = {round(pose.time / clip.step) for pose in puppet.poses if pose.take == key.take}
-    here, aside, last = round(key.time / clip.step), max(round(0.5 / clip.step), 1), len(clip.turns) - 1
-    candidates = [here + aside, here - aside, *range(last + 1)]
-    free = next((k for k in candidates if 0 <= k <= last and k not in taken), here)
+    taken_frames = {round(pose.time / clip.step) for pose in puppet.poses if pose.take == key.take}
+    key_frame, aside, last = round(key.time / clip.step), max(round(0.5 / clip.step), 1), len(clip.turns) - 1
+    candidates = [key_frame + aside, key_frame - aside, *range(last + 1)]
+    free = next((k for k in candidates if 0 <= k <= last and k not in taken_frames), key_frame)
     return free * clip.step
 
 
@@ -197,7 +197,7 @@ def _draw_add_button(app: App, puppet: ExampleCharacter) -> None:
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_disabled(moment is None or not puppet.points)
     imgui.begin_group()
-    pressed = imgui.invisible_button("##plus", TILE_SIZE)
+    is_pressed = imgui.invisible_button("##plus", TILE_SIZE)
     app.remember("add key pose")
     hovered = imgui.is_item_hovered()
     corner = ImVec2(origin.x + TILE_SIZE.x, origin.y + TILE_SIZE.y)
@@ -210,7 +210,7 @@ def _draw_add_button(app: App, puppet: ExampleCharacter) -> None:
         imgui.text_unformatted(tr("new key pose"))
     imgui.end_group()
     imgui.end_disabled()
-    if pressed and moment is not None:
+    if is_pressed and moment is not None:
         app.state(KeyPoseNavigator).begin(*moment)
     if imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
         imgui.set_tooltip(tr("Makes a key pose for this moment"))
@@ -267,8 +267,8 @@ def _draw_suggestions(app: App, puppet: ExampleCharacter, coverage: TakeCoverage
     """Draws the performer at the suggested times. A click begins a key pose."""
     if coverage is None or not puppet.points:
         return
-    wanted = coverage.frames[: max(coverage.needed, 1)]
-    for place, frame in enumerate(wanted):
+    wanted_frames = coverage.frames[: max(coverage.needed, 1)]
+    for place, frame in enumerate(wanted_frames):
         imgui.same_line(0, 22 if place == 0 else -1)
         seconds = frame * coverage.step
         origin = imgui.get_cursor_screen_pos()
@@ -289,7 +289,7 @@ def _draw_suggestions(app: App, puppet: ExampleCharacter, coverage: TakeCoverage
         imgui.end_group()
         if hovered:
             imgui.set_tooltip(tr("Makes a key pose for this moment. No key pose is similar to it yet"))
-    if not wanted:
+    if not wanted_frames:
         imgui.same_line()
         draw_note("")
 

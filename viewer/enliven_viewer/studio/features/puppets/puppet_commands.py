@@ -92,8 +92,8 @@ class PuppetCommands:
                 if project.characters.get(puppet.id) is not puppet:
                     problem = tr("the puppet was changed during the baking")
                     raise InputError(problem, where=puppet.where, remedy=tr("Bake the puppet again."))
-                streams = [baked_project.streams[stream] for stream in shape.needed()["streams"]]
-                return project.without(puppet.id).with_streams(*streams).with_characters(shape)
+                streams = [baked_project.streams[stream] for stream in shape.find_needed_ids()["streams"]]
+                return project.drop_character(puppet.id).with_streams(*streams).with_characters(shape)
 
             if self.editor.edit(later("bake {0}", puppet.id), change):
                 self.editor.select_only(name)
@@ -104,7 +104,7 @@ class PuppetCommands:
 
         return put
 
-    def lacks_mesh(self) -> str:
+    def describe_missing_mesh(self) -> str:
         """Returns the reason why no puppet can be made, or an empty text if one can be made."""
         return (
             ""
@@ -112,7 +112,7 @@ class PuppetCommands:
             else "No shape with a surface is chosen. Click such a shape first."
         )
 
-    def lacks_examples(self) -> str:
+    def describe_missing_examples(self) -> str:
         """Returns the reason why no puppet can be baked, or an empty text if one can be baked."""
         puppet = self.editor.puppets.puppet
         if puppet is None:
@@ -156,7 +156,7 @@ def make_puppet_actions(commands: PuppetCommands) -> Iterator[Action]:
         "Make a puppet",
         ("ctrl+p",),
         commands.make_puppet,
-        commands.lacks_mesh,
+        commands.describe_missing_mesh,
         about="Copies the chosen shape as a puppet, which you animate with control points and key poses.",
     )
     bake = Action(
@@ -165,7 +165,7 @@ def make_puppet_actions(commands: PuppetCommands) -> Iterator[Action]:
         "Bake the puppet",
         (),
         commands.bake_puppet,
-        commands.lacks_examples,
+        commands.describe_missing_examples,
         about="Turns the puppet into a possessed character, which you can cut and merge.",
     )
     yield from (require_single_shape(action, commands.editor) for action in (make, bake))

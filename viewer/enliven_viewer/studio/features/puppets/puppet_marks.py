@@ -157,12 +157,12 @@ def _make_next_point_marks(tool: Pointing, standing: StagePuppet, lens: Lens) ->
     """Returns a ring at the vertex where a click adds a control point, and a ring at its mirror image."""
     if tool.hovered_vertex is None:
         return []
-    wanted = [tool.hovered_vertex]
+    wanted_vertices = [tool.hovered_vertex]
     if tool.puppets.symmetric:
         other = find_partner_vertex(standing.character, tool.hovered_vertex)
-        wanted += [other] if other is not None and other != tool.hovered_vertex else []
+        wanted_vertices += [other] if other is not None and other != tool.hovered_vertex else []
     marks: list[Mark] = []
-    for pixel in lens.project_visible(standing.vertices[wanted]):
+    for pixel in lens.project_visible(standing.vertices[wanted_vertices]):
         marks.append(Disc(pixel, 6.5, ACCENT, 2.0))
         marks.append(Disc(pixel, 2.0, ACCENT))
     return marks

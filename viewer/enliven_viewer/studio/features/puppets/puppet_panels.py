@@ -36,7 +36,7 @@ class PuppetPanels:
 
     def make_pictures(self, view: Viewport) -> Callable[[], object]:
         """Returns the function that draws the images of the panels, once per frame."""
-        from enliven_viewer.studio.app.style import to_screen_pixels
+        from enliven_viewer.studio.app.style import convert_to_screen_pixels
 
         renderer = view.renderer
         performer = self._performer = PerformerPicture(renderer)
@@ -49,7 +49,7 @@ class PuppetPanels:
             thumbnails.draw_next()
             figure = self._view.figure()
             if figure is not None:
-                renderer.resize(to_screen_pixels(*self._view.size))
+                renderer.resize(convert_to_screen_pixels(*self._view.size))
                 performer.draw(figure, self._view.lens, self._view.paired(), self._view.hovered)
 
         return draw

@@ -74,8 +74,8 @@ class Thumbnails:
         )
         if future is not None:
             self._solving[key] = puppet, future
-        before = self._textures.get(self._shown_keys.get((puppet.id, slot), ()))
-        return int(before[1].glo) if before is not None and before[0] is puppet.mesh else None
+        old_texture = self._textures.get(self._shown_keys.get((puppet.id, slot), ()))
+        return int(old_texture[1].glo) if old_texture is not None and old_texture[0] is puppet.mesh else None
 
     def draw_next(self) -> None:
         """Draws one solved thumbnail. Call once per frame."""

@@ -18,14 +18,14 @@ def make_scan_actions(scan: ScanSession) -> Iterator[Action]:
         scan.open,
         about="Scans a real object as a character: carry the camera round the object.",
     )
-    yield Action("scan.start", "Scan", "Start a scan", (), scan.start, scan.lacks_stage)
+    yield Action("scan.start", "Scan", "Start a scan", (), scan.start, scan.describe_missing_stage)
     yield Action(
         "scan.pause",
         "Scan",
         "Pause or continue",
         (),
         scan.pause,
-        scan.lacks_scan,
+        scan.describe_missing_scan,
         is_on=lambda: scan.message.phase == "paused",
         apart=True,
     )
@@ -35,7 +35,7 @@ def make_scan_actions(scan: ScanSession) -> Iterator[Action]:
         "Undo the last seconds",
         (),
         scan.undo,
-        scan.lacks_undo,
+        scan.describe_missing_undo,
         about=(
             "Removes the last seconds of the scan, for example after a hand came into view or the camera "
             "moved too fast."
@@ -47,17 +47,17 @@ def make_scan_actions(scan: ScanSession) -> Iterator[Action]:
         "Done: make the character",
         (),
         scan.finish,
-        scan.lacks_scan,
+        scan.describe_missing_scan,
         about="Ends the scan, and puts the object on the stage as a character that you can possess.",
     )
-    yield Action("scan.cancel", "Scan", "Cancel the scan", (), scan.cancel, scan.lacks_scan)
+    yield Action("scan.cancel", "Scan", "Cancel the scan", (), scan.cancel, scan.describe_missing_scan)
     yield Action(
         "scan.again",
         "Scan",
         "Add to the scan",
         (),
         scan.continue_scan,
-        scan.lacks_again,
+        scan.describe_missing_repeat,
         about="Continues the last scan to fill gaps.",
         apart=True,
     )

@@ -60,7 +60,7 @@ def choose_advice(message: ScanMessage) -> Advice:
     if message.phase != "scanning":
         return Advice("")
     if message.thing in ("carried", "settling", "sought", "lost"):
-        return Advice(_moved_object_advice(message), "wait")
+        return Advice(_make_moved_object_advice(message), "wait")
     if message.thing == "person":
         return _choose_person_advice(message)
     if message.tracking in _TRACKING_ADVICE:
@@ -96,7 +96,7 @@ def _choose_person_advice(status: ScanMessage) -> Advice:
     return Advice(tr("Turn slowly on the spot: {0:.0f} % is scanned", 100 * (1 - status.missing)))
 
 
-def _moved_object_advice(status: ScanMessage) -> str:
+def _make_moved_object_advice(status: ScanMessage) -> str:
     """Returns the instruction for a moved object with an unknown pose."""
     if status.thing == "carried":
         return tr("Object lifted or lost: put it down, and go round it")

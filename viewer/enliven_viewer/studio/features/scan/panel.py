@@ -108,7 +108,7 @@ def draw_open_button(app: App) -> None:
 def _draw_start_options(app: App, scan: ScanSession) -> None:
     """Draws the options before a scan."""
     draw_heading("Scan")
-    lacking = tr(scan.lacks_stage())
+    lacking = tr(scan.describe_missing_stage())
     imgui.begin_disabled(bool(lacking))
     with push_colours((*ACCENT[:3], 0.4), imgui.Col_.button):
         if imgui.button(labelled("\uf030  " + tr("Start"), "Start"), _TALL_BUTTON_SIZE):
@@ -149,9 +149,9 @@ def _draw_start_options(app: App, scan: ScanSession) -> None:
 
 def _draw_continue_button(app: App, scan: ScanSession) -> None:
     """Draws the button that continues the last scan."""
-    imgui.begin_disabled(bool(scan.lacks_again()))
-    again = tr("Add to {0}", scan.message.character or tr("the last scan"))
-    if imgui.button(labelled(again, "again"), _FULL_WIDTH):
+    imgui.begin_disabled(bool(scan.describe_missing_repeat()))
+    label = tr("Add to {0}", scan.message.character or tr("the last scan"))
+    if imgui.button(labelled(label, "again"), _FULL_WIDTH):
         app.actions.do("scan.again")
     imgui.end_disabled()
     app.remember("scan again")

@@ -100,15 +100,15 @@ class ScanSession:
 
     # Requests ---------------------------------------------------------------------------------------------
 
-    def lacks_stage(self) -> str:
+    def describe_missing_stage(self) -> str:
         """Returns the reason why scanning is unavailable, with advice, or an empty text if it
         is available.
         """
         if self.perform.client is None:
             return NO_STAGE
-        return self.perform.lacks_edge()
+        return self.perform.describe_missing_edge()
 
-    def lacks_scan(self) -> str:
+    def describe_missing_scan(self) -> str:
         """Returns the reason why the scan accepts no requests, or an empty text if it accepts them."""
         none = "" if self.active else "No scan is running. Start a scan first"
         making = (
@@ -116,18 +116,20 @@ class ScanSession:
             if self.message.phase == "finishing"
             else ""
         )
-        return self.lacks_stage() or none or making
+        return self.describe_missing_stage() or none or making
 
-    def lacks_undo(self) -> str:
+    def describe_missing_undo(self) -> str:
         """Returns the reason why nothing can be undone, or an empty text if undo is available."""
-        return self.lacks_scan() or (
+        return self.describe_missing_scan() or (
             "" if self.message.undoable > 0 else "There is nothing to undo. Continue the scan"
         )
 
-    def lacks_again(self) -> str:
+    def describe_missing_repeat(self) -> str:
         """Returns the reason why no scan can be continued, or an empty text if one can be continued."""
-        there = self.message.phase == "done"
-        return self.lacks_stage() or ("" if there else "No scan is finished. Finish a scan, then add to it")
+        is_done = self.message.phase == "done"
+        return self.describe_missing_stage() or (
+            "" if is_done else "No scan is finished. Finish a scan, then add to it"
+        )
 
     def open(self) -> None:
         """Shows the panel, in the workspace that contains the stage."""
@@ -136,7 +138,7 @@ class ScanSession:
     def start(self) -> None:
         """Starts a scan."""
         self.open()
-        if lacking := self.lacks_stage():
+        if lacking := self.describe_missing_stage():
             self.editor.toasts.show_message(*tr(lacking).split(". "))
             return
         within = _MAX_DISTANCE_M if self.mode is ScanMode.NEAR else None
@@ -221,13 +223,16 @@ class ScanSession:
             return
         client.take(SCAN)
         client.take(SCAN_PIECE)
-        before, place = self.message, self.stage_from_scan
+        old_message, place = self.message, self.stage_from_scan
         self.message = client.latest(SCAN).get("", _NO_SCAN)
-        if self.message.number == before.number and self.message.stage_from_scan != before.stage_from_scan:
+        if (
+            self.message.number == old_message.number
+            and self.message.stage_from_scan != old_message.stage_from_scan
+        ):
             self.box.move_with_scan(place, self.stage_from_scan)
         self._finish_person_scan()
         self._preview_mesh.update(client.latest(SCAN_PIECE), self.message.number)
-        if self.active and self.message.number != before.number:
+        if self.active and self.message.number != old_message.number:
             self.is_shown = True
         bounds = self._preview_mesh.bounds if self.active else None
         if (
@@ -237,7 +242,7 @@ class ScanSession:
         ):
             self._framed_scan = self.message.number
             self._frame_surface(bounds)
-        if self.message.phase == "done" and before.phase in ("finishing", "scanning"):
+        if self.message.phase == "done" and old_message.phase in ("finishing", "scanning"):
             self._awaited_character = self.message.number, self.message.character
         if self._awaited_character is not None:
             self._add_to_project(

@@ -79,9 +79,9 @@ class SoundPlayer:
             self._stream = self._open_output()
         if self._stream is not None:
             # The device plays the requested samples after its latency, so write the samples for that time.
-            wanted = round((editor.time + self._stream.latency) * SOUND_RATE)
-            if abs(wanted - self._next) > _MAX_OFFSET_S * SOUND_RATE:
-                self._next = wanted
+            wanted_sample = round((editor.time + self._stream.latency) * SOUND_RATE)
+            if abs(wanted_sample - self._next) > _MAX_OFFSET_S * SOUND_RATE:
+                self._next = wanted_sample
 
     def stop(self) -> None:
         """Stops the sound."""

@@ -158,17 +158,17 @@ def make_clip_actions(c: ClipCommands) -> Iterator[Action]:
         ("mirror", "Swap left and right", ("shift+x",), "Plays the take's mirror image."),
         ("remove", "Remove", ("shift+delete",), "The take stays in the project."),
     )
-    for name, label, keys, about in deeds:
+    for name, label, keys, description in deeds:
         functions = (lambda name=name: c.run_edit(name), lambda name=name: c.find_missing(name))
-        yield Action(f"clip.{name}", "Clip", label, keys, *functions, about=about)
-    about = "Drag the marker along the ruler. Double-click the marker to name it."
+        yield Action(f"clip.{name}", "Clip", label, keys, *functions, about=description)
+    description = "Drag the marker along the ruler. Double-click the marker to name it."
     yield Action(
         "clip.mark",
         "Clip",
         "Add a marker at the playhead",
         ("shift+m",),
         c.add_marker_at_playhead,
-        about=about,
+        about=description,
         apart=True,
     )
     yield Action(

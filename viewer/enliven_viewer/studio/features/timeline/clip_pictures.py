@@ -60,7 +60,7 @@ def _make_figure_function(project: Project, take: Clip | PoseStream) -> Callable
     """
     if isinstance(take, Clip):
         return lambda: (_find_joints(take, _choose_frames(len(take.turns))), _list_bones(take))
-    shapes = project.of(GraphCharacter).values()
+    shapes = project.select_kind(GraphCharacter).values()
     parts = [(shape, part.nodes, part.take) for shape in shapes for part in shape.parts]
     parts += [(shape, layer.own, layer.take) for shape in shapes for layer in shape.over]
     edges = next((_find_edges(shape, nodes) for shape, nodes, name in parts if name == take.id), None)
@@ -75,7 +75,7 @@ def _choose_frames(count: int) -> Int32:
 
 def _find_joints(take: Clip, frames: Int32) -> Float:
     """Returns the joint positions (P, N, 3) in metres of a take at the given frames."""
-    return joint_places(take.mapped(lambda track: track[frames]))
+    return joint_places(take.map_values(lambda track: track[frames]))
 
 
 def _list_bones(take: Clip) -> AnyArray:

@@ -143,9 +143,9 @@ class LanePainter:
         for number, clip in enumerate(lane.clips):
             is_held = chosen and timeline.clip == number
             self._draw_clip(timeline, layout, lane, clip, origin, faded, is_held)
-        for before, after in pairwise(lane.clips):
-            if before.end > after.begin:
-                _draw_blend(layout, before, after, origin, top, faded)
+        for clip_left, clip_right in pairwise(lane.clips):
+            if clip_left.end > clip_right.begin:
+                _draw_blend(layout, clip_left, clip_right, origin, top, faded)
         draw_list.pop_clip_rect()
 
     def _draw_clip(
@@ -203,7 +203,7 @@ class LanePainter:
         origin = low.x - layout.x(clip.begin)
         for k in range(first, count):
             x = low.x + k * _THUMBNAIL_SPACING
-            second = clip.second(layout.time(x + side / 2 - origin))
+            second = clip.compute_take_time(layout.time(x + side / 2 - origin))
             fraction = min(max(second / max(take.duration, take.step), 0.0), 1.0)
             pose = round(fraction * (POSE_COUNT - 1))
             across, down = (

@@ -7,7 +7,13 @@ from dataclasses import fields
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import FEET, Layer, LayerBase, Project, RigBase, RiggedCharacter
-from enliven.modeling.edits import alternative_takes, change_layers, foot_lock_mode, lock_feet, remove_layer
+from enliven.modeling.edits import (
+    change_layers,
+    foot_lock_mode,
+    list_alternative_takes,
+    lock_feet,
+    remove_layer,
+)
 from enliven.motion.layers.retarget import set_travel
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.app.app import App
@@ -68,8 +74,8 @@ def draw_layer(app: App, timeline: TimelineInput, character: RigBase, number: in
     """Draws the numbers and switches of a layer."""
     editor, name, layer = app.editor, character.id, character.playing[number]
     frame = imgui.get_frame_count()
-    before, timeline.shown_layer = timeline.shown_layer, (name, number, frame)
-    if timeline.busy and before != (name, number, frame - 1):
+    old_layer, timeline.shown_layer = timeline.shown_layer, (name, number, frame)
+    if timeline.busy and old_layer != (name, number, frame - 1):
         imgui.set_scroll_here_y(0.0)  # The user has clicked a clip, so scroll its options into view.
     draw_heading("Chosen motion")
     imgui.text_unformatted(getattr(layer, "id", layer.take))
@@ -102,7 +108,7 @@ def draw_layer(app: App, timeline: TimelineInput, character: RigBase, number: in
 def _draw_takes(app: App, layer: LayerBase) -> None:
     """Draws the alternative takes of a lane with a mark at the active take, and a delete button for each."""
     takes = TakeCommands(app.editor)
-    alternatives = alternative_takes(app.editor.project, layer.alternatives)
+    alternatives = list_alternative_takes(app.editor.project, layer.alternatives)
     if len(alternatives) < 2:
         return
     draw_note("takes of this lane")
@@ -149,7 +155,9 @@ def _draw_foot_lock(app: App, character: RigBase, number: int, feet: str) -> Non
     name, jointed = character.id, character.jointed
     draw_note("feet")
     imgui.set_next_item_width(-1)
-    changed, wanted = imgui.combo("##feet", FEET.index(feet), [tr(_FOOT_LOCK_LABELS[mode]) for mode in FEET])
+    changed, mode_number = imgui.combo(
+        "##feet", FEET.index(feet), [tr(_FOOT_LOCK_LABELS[mode]) for mode in FEET]
+    )
     app.remember("feet")
     if jointed:
         draw_tooltip("All modes except Auto also find feet that you have not pinned (P)")
@@ -164,8 +172,8 @@ def _draw_foot_lock(app: App, character: RigBase, number: int, feet: str) -> Non
         )
         app.remember("feet again")
         draw_tooltip("Detects the feet in the current motion. Do this again after you edit the clips")
-    if is_requested or (changed and FEET[wanted] != feet):
-        numbers, foot_lock = find_lane_layers(app.editor.project, name, number), FEET[wanted]
+    if is_requested or (changed and FEET[mode_number] != feet):
+        numbers, foot_lock = find_lane_layers(app.editor.project, name, number), FEET[mode_number]
         app.editor.edit(
             later("feet: {0}", _FOOT_LOCK_LABELS[foot_lock]),
             lambda project: lock_feet(project, name, numbers, foot_lock),

@@ -191,10 +191,10 @@ class TimelineLayout(TimeScale):
         """Returns the x coordinate of a time in a lane's take."""
         return self.x(lane.layer.time_of(second, self.project.length_of(lane.layer)))
 
-    def second(self, lane: Lane, x: float) -> float:
+    def find_take_time(self, lane: Lane, x: float) -> float:
         """Returns the time in a lane's take at an x coordinate, clamped to the take."""
         once = replace(lane.layer, loop=False)
-        return once.played(self.time(x), self.project.length_of(once))[0]
+        return once.find_played_time(self.time(x), self.project.length_of(once))[0]
 
     def lanes(self) -> tuple[Lane, ...]:
         """Returns all rows from the top: a bar for each layer, and the details of its rig below it."""
@@ -204,14 +204,16 @@ class TimelineLayout(TimeScale):
     def _cached_lanes(self) -> tuple[Lane, ...]:
         top, lanes = RULER_HEIGHT - self.scrolled, list[Lane]()
         shared = group_layers(self.project, self.opened)
-        named, before = len({name for name, _ in shared}) > 1, ""
+        named, previous_name = len({name for name, _ in shared}) > 1, ""
         for name, numbers in shared:
             character = self.project.characters[name]
             layer = character.playing[numbers[0]]
-            if named and name != before:
-                every = tuple(number for other, some in shared if other == name for number in some)
+            if named and name != previous_name:
+                every = tuple(
+                    number for other, layer_numbers in shared if other == name for number in layer_numbers
+                )
                 lanes.append(Lane("head", character, every, top, HEAD_HEIGHT, LABEL_WIDTH, LABEL_WIDTH))
-                top, before = top + HEAD_HEIGHT + 1.0, name
+                top, previous_name = top + HEAD_HEIGHT + 1.0, name
             if named and name in self.folded:
                 continue
             clips = layer.clips(self.project.length_of(layer))
@@ -253,13 +255,15 @@ class TimelineLayout(TimeScale):
             if lane.top <= y < lane.top + lane.height:
                 kind, item = self._find_lane_handle(lane, x)
                 if kind != "nothing":
-                    second = 0.0 if lane.kind in ("bar", "head") else self.second(lane, x)
+                    second = 0.0 if lane.kind in ("bar", "head") else self.find_take_time(lane, x)
                     return LaneHandle(kind, lane.character.id, lane.layers, item, second)
         return LaneHandle("ruler") if x >= LABEL_WIDTH - END_MARGIN else LaneHandle("nothing")
 
     def _find_ruler_handle(self, x: float, y: float) -> LaneHandle:
         near_markers = [
-            (abs(at - x), marker.id) for marker, at in self.markers() if abs(at - x) <= MARKER_GRAB_DISTANCE
+            (abs(marker_x - x), marker.id)
+            for marker, marker_x in self.markers()
+            if abs(marker_x - x) <= MARKER_GRAB_DISTANCE
         ]
         if near_markers:
             return LaneHandle("marker", name=min(near_markers)[1])

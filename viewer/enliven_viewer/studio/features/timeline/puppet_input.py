@@ -18,9 +18,9 @@ from enliven_viewer.studio.puppets.example_edits import (
     add_switch,
     list_constraints,
     move_switch,
+    remove_constraint_from,
     remove_switch,
     retime_pose,
-    without_constraint,
 )
 
 DRAG_TITLES = {"pose": later("retime a key pose"), "switch": later("move a switch")}
@@ -92,7 +92,7 @@ class PuppetRows:
         if handle.item < len(constraints):
             constraint = constraints[handle.item]
             self.editor.edit(
-                "remove constraint", lambda p: without_constraint(p, puppet.id, handle.number, constraint)
+                "remove constraint", lambda p: remove_constraint_from(p, puppet.id, handle.number, constraint)
             )
         return True
 
@@ -127,7 +127,7 @@ class PuppetRows:
         edited = puppet.layers[layer].switches
         if edited is not None:
             return edited
-        project, shown = editor.motion_solver.newest_solution(editor.project, puppet.id)
+        project, shown = editor.motion_solver.get_newest_solution(editor.project, puppet.id)
         if layer >= len(shown.layers) or shown.layers[layer].take != puppet.layers[layer].take:
             return ()
         if self._switch_cache[0] is not shown:

@@ -57,7 +57,7 @@ class PuppetDetails:
             if pose.take == lane.layer.take and _is_time_played(layout, lane, pose.time)
         )
 
-    def suggested_marks(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[float, float], ...]:
+    def suggest_marks(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[float, float], ...]:
         """Returns the time and the x coordinate of each missing (suggested) key pose."""
         coverage = self.coverage(lane.layer.take)
         times = coverage.times if coverage is not None else ()
@@ -89,10 +89,10 @@ class PuppetDetails:
             return ("found" if lane.kind == "band" else "label"), 0
         if lane.kind == "poses":
             pose = _find_nearest_mark(
-                ((number, at) for number, at in self.poses(layout, lane)), x, _CLICK_DISTANCE_PX
+                ((number, mark_x) for number, mark_x in self.poses(layout, lane)), x, _CLICK_DISTANCE_PX
             )
             tick = _find_nearest_mark(
-                ((k, at) for k, (_, at) in enumerate(self.suggested_marks(layout, lane))),
+                ((k, mark_x) for k, (_, mark_x) in enumerate(self.suggest_marks(layout, lane))),
                 x,
                 _CLICK_DISTANCE_PX,
             )
@@ -109,7 +109,7 @@ class PuppetDetails:
             left, right = sorted((lane.left, lane.right))
             return ("band" if left <= x <= right else "nothing"), 0
         mark = _find_nearest_mark(
-            ((k, at) for k, _, at in self.constraint_marks(layout, lane)), x, _CLICK_DISTANCE_PX
+            ((k, mark_x) for k, _, mark_x in self.constraint_marks(layout, lane)), x, _CLICK_DISTANCE_PX
         )
         return ("nothing" if mark is None else "held"), mark or 0
 
@@ -126,5 +126,5 @@ def _is_time_played(layout: TimelineLayout, lane: Lane, second: float) -> bool:
 
 def _find_nearest_mark(marks: Iterable[tuple[int, float]], x: float, reach: float) -> int | None:
     """Returns the number of the mark nearest to a pixel, or None if it is farther than ``reach`` pixels."""
-    near = [(abs(at - x), number) for number, at in marks if abs(at - x) <= reach]
+    near = [(abs(mark_x - x), number) for number, mark_x in marks if abs(mark_x - x) <= reach]
     return min(near)[1] if near else None

@@ -79,7 +79,7 @@ def _draw_poses(timeline: TimelineInput, layout: TimelineLayout, lane: Lane, ori
             )
             draw_list.add_quad_filled(*corners, pack_colour(tint, 0.26))
             draw_list.add_line(corners[0], corners[1], pack_colour(tint, 0.85), 1.3)
-    for _, x in details.suggested_marks(layout, lane):
+    for _, x in details.suggest_marks(layout, lane):
         _draw_diamond(
             draw_list, origin.x + x, top + lane.height / 2, 5.5, pack_colour(CHAIN, 0.9), filled=False
         )

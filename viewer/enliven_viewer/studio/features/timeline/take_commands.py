@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from enliven.modeling.edits import alternative_takes, choose_take, drop_take, keep_take
+from enliven.modeling.edits import choose_take, drop_take, keep_take, list_alternative_takes
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.editor.editor import Editor
@@ -33,27 +33,31 @@ class TakeCommands:
             return character.playing[chosen.layer].alternatives
         groups = {
             layer.alternatives
-            for each in ([character] if character is not None else project.characters.values())
-            for layer in each.playing
-            if len(alternative_takes(project, layer.alternatives)) > 1
+            for candidate in ([character] if character is not None else project.characters.values())
+            for layer in candidate.playing
+            if len(list_alternative_takes(project, layer.alternatives)) > 1
         }
         return groups.pop() if len(groups) == 1 else ""
 
     @property
     def audible_take(self) -> str:
         """Returns the active take of the group :meth:`alternatives`, or an empty text if there is none."""
-        takes = alternative_takes(self.editor.project, self.alternatives)
+        takes = list_alternative_takes(self.editor.project, self.alternatives)
         return next((name for name, audible_take in takes.items() if audible_take), "")
 
-    def lacks(self) -> str:
+    def describe_missing(self) -> str:
         """Returns the reason why no alternative take can be chosen, with advice, or an empty text if one can
         be chosen.
         """
-        return "" if len(alternative_takes(self.editor.project, self.alternatives)) > 1 else _NO_ALTERNATIVES
+        return (
+            ""
+            if len(list_alternative_takes(self.editor.project, self.alternatives)) > 1
+            else _NO_ALTERNATIVES
+        )
 
     def step(self, direction: int) -> None:
         """Switches to the next alternative take, or to the previous one if `direction` is -1."""
-        names = list(alternative_takes(self.editor.project, self.alternatives))
+        names = list(list_alternative_takes(self.editor.project, self.alternatives))
         place = names.index(self.audible_take) if self.audible_take in names else -direction
         self.choose(names[(place + direction) % len(names)])
 
@@ -101,7 +105,7 @@ class TakeCommands:
 def make_take_actions(takes: TakeCommands) -> Iterator[Action]:
     """Yields the actions that switch between the alternative takes of a lane, and delete takes."""
 
-    def lacks_unused() -> str:
+    def describe_missing_unused() -> str:
         return (
             ""
             if list_unused_takes(takes.editor)
@@ -114,12 +118,17 @@ def make_take_actions(takes: TakeCommands) -> Iterator[Action]:
         "Play the next take",
         ("alt+right",),
         lambda: takes.step(1),
-        takes.lacks,
+        takes.describe_missing,
         about="Switches between the takes of this lane.",
         apart=True,
     )
     yield Action(
-        "takes.before", "Clip", "Play the previous take", ("alt+left",), lambda: takes.step(-1), takes.lacks
+        "takes.before",
+        "Clip",
+        "Play the previous take",
+        ("alt+left",),
+        lambda: takes.step(-1),
+        takes.describe_missing,
     )
     yield Action(
         "takes.keep",
@@ -127,15 +136,17 @@ def make_take_actions(takes: TakeCommands) -> Iterator[Action]:
         "Keep only this take",
         (),
         takes.keep,
-        takes.lacks,
+        takes.describe_missing,
         about="Deletes all other takes of this lane.",
     )
-    yield Action("takes.drop", "Clip", "Delete this take", ("alt+delete",), takes.drop, takes.lacks)
+    yield Action(
+        "takes.drop", "Clip", "Delete this take", ("alt+delete",), takes.drop, takes.describe_missing
+    )
     yield Action(
         "takes.tidy",
         "Clip",
         "Delete unused takes",
         (),
         lambda: delete_takes(takes.editor, *list_unused_takes(takes.editor)),
-        lacks_unused,
+        describe_missing_unused,
     )

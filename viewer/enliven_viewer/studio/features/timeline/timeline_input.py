@@ -224,7 +224,7 @@ class TimelineInput:
             if (candidate.character.id, candidate.layers) == (handle.character, handle.layers)
             and candidate.kind != "head"
         )
-        return self.rows.make_drag_edit(handle, layout.second(lane, x), self._held_switches)
+        return self.rows.make_drag_edit(handle, layout.find_take_time(lane, x), self._held_switches)
 
     def _drag_span(self, x: float) -> tuple[float, float] | None:
         """Returns the marked span after dragging one end, or the whole span, to a pixel.

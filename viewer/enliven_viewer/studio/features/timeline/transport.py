@@ -20,7 +20,7 @@ def make_transport_actions(editor: Editor) -> Iterator[Action]:
     def clear_range() -> None:
         editor.marked_range = None
 
-    def lacks_range() -> str:
+    def describe_missing_range() -> str:
         return "" if editor.marked_range else "No in or out point is set. Press Alt+I and Alt+O to set them."
 
     yield Action("view.play", "View", "Play or stop", ("space",), play, is_on=lambda: editor.playing)
@@ -28,24 +28,24 @@ def make_transport_actions(editor: Editor) -> Iterator[Action]:
     yield Action("view.frame_on", "View", "One frame forward", ("right",), lambda: step(1))
     yield Action("view.start", "View", "To the start", ("home",), lambda: editor.scrub(0.0))
     yield Action("view.end", "View", "To the end", ("end",), lambda: editor.scrub(editor.length))
-    about = "The loop and recordings begin here."
+    description = "The loop and recordings begin here."
     yield Action(
         "view.in_point",
         "View",
         "Set the in point here",
         ("alt+i",),
         lambda: editor.set_loop_point(0),
-        about=about,
+        about=description,
         apart=True,
     )
-    about = "The loop returns to the in point here, and recordings end here."
+    description = "The loop returns to the in point here, and recordings end here."
     yield Action(
         "view.out_point",
         "View",
         "Set the out point here",
         ("alt+o",),
         lambda: editor.set_loop_point(1),
-        about=about,
+        about=description,
     )
     yield Action(
         "view.whole_loop",
@@ -53,6 +53,6 @@ def make_transport_actions(editor: Editor) -> Iterator[Action]:
         "Loop the whole project",
         ("alt+l",),
         clear_range,
-        lacks_range,
+        describe_missing_range,
         about="Removes the in and out points, so that the whole project loops.",
     )

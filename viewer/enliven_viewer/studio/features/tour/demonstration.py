@@ -57,7 +57,7 @@ class Demonstration:
         """
         if self.ended:
             return
-        before, self._elapsed_s, self._origin = self._elapsed_s, self._elapsed_s + seconds, origin
+        old_elapsed_s, self._elapsed_s, self._origin = self._elapsed_s, self._elapsed_s + seconds, origin
         if self._path:
             self._drag()
             return
@@ -71,7 +71,7 @@ class Demonstration:
         if target.path:
             self._begin(target)
         elif self.part.types:
-            self._type(before)
+            self._type(old_elapsed_s)
         else:
             self.part.command(self._state)
             self._end()
@@ -115,9 +115,9 @@ class Demonstration:
 
     def _type(self, before: float) -> None:
         """Types the name letter by letter."""
-        since = _GLIDE_S + _PRESS_S
-        count = int(max(self._elapsed_s - since, 0.0) / _LETTER_S)
-        previous_count = int(max(before - since, 0.0) / _LETTER_S)
+        typing_start_s = _GLIDE_S + _PRESS_S
+        count = int(max(self._elapsed_s - typing_start_s, 0.0) / _LETTER_S)
+        previous_count = int(max(before - typing_start_s, 0.0) / _LETTER_S)
         name = _find_free_name(self._state, self.part.types)
         self.typed += name[previous_count:count]
         if previous_count >= len(name):

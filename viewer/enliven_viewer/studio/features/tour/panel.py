@@ -123,7 +123,7 @@ def _draw_card(
     ]
     widgets = app.widgets
     obstacles = (
-        tour.chair_rectangle((area.x, area.y)),
+        tour.find_chair_rectangle((area.x, area.y)),
         widgets.get("performer inset"),
         widgets.get("holders"),
     )
@@ -143,9 +143,9 @@ def _draw_card(
     picture = area.x, area.y, area.x + area.width, area.y + area.height
     # Move the card only when its sentence changes, so that its buttons stay under the pointer.
     key = tour.number, tour.text, tour.done_display_s > 0.0, width, height, size.x, size.y, shape is None
-    before = tour.card if tour.card_key == key or tour.done_display_s > 0.0 else None
+    shown_card = tour.card if tour.card_key == key or tour.done_display_s > 0.0 else None
     target = _add_drag_path(tour, area, shape)
-    x, y = place_card((width, height), window, target, others, picture, before)
+    x, y = place_card((width, height), window, target, others, picture, shown_card)
     tour.card, tour.card_key = (x, y), key
     imgui.set_next_window_pos(ImVec2(x, y))
     imgui.set_next_window_size(ImVec2(width, height))
@@ -191,9 +191,9 @@ def _find_height(tour: Tour, width: float) -> float:
 
 
 def _draw_sentence(tour: Tour) -> None:
-    done = tour.done_display_s > 0.0 or tour.step is None
-    tint = GOOD if done else ACCENT
-    icon = "\uf00c" if done or tour.step is None else tour.step.icon
+    is_done = tour.done_display_s > 0.0 or tour.step is None
+    tint = GOOD if is_done else ACCENT
+    icon = "\uf00c" if is_done or tour.step is None else tour.step.icon
     draw_list, position = imgui.get_window_draw_list(), imgui.get_cursor_screen_pos()
     draw_list.add_text(
         imgui.get_font(), _ICON_SIZE - 4, ImVec2(position.x, position.y), pack_colour(tint), icon
@@ -289,9 +289,9 @@ def _draw_outline(draw_list: imgui.ImDrawList, shape: Rectangle, *, calm: bool) 
     """Draws a pulsing outline with a soft glow."""
     swell = 0.0 if calm else 0.5 + 0.5 * math.sin(2 * math.pi * imgui.get_time() / _PULSE_S)
     left, top, right, bottom = shape
-    for more, opacity in ((3 + 3 * swell, 0.25), (6 + 5 * swell, 0.12)):
-        low, high = ImVec2(left - more, top - more), ImVec2(right + more, bottom + more)
-        draw_list.add_rect(low, high, pack_colour(ACCENT, opacity), 9.0 + more, _OUTLINE_WIDTH)
+    for margin, opacity in ((3 + 3 * swell, 0.25), (6 + 5 * swell, 0.12)):
+        low, high = ImVec2(left - margin, top - margin), ImVec2(right + margin, bottom + margin)
+        draw_list.add_rect(low, high, pack_colour(ACCENT, opacity), 9.0 + margin, _OUTLINE_WIDTH)
     draw_list.add_rect(ImVec2(left, top), ImVec2(right, bottom), pack_colour(ACCENT), 8.0, _OUTLINE_WIDTH)
 
 

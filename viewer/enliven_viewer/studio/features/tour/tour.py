@@ -104,7 +104,7 @@ class Tour:
         widget = self._widgets.find(self.target.widgets)
         return None if widget is None else widget[1]
 
-    def chair_rectangle(self, origin: Point) -> Rectangle | None:
+    def find_chair_rectangle(self, origin: Point) -> Rectangle | None:
         """Returns the bounding box of the chair in the window's pixels, which the card must not cover.
 
         Returns None without a chair.

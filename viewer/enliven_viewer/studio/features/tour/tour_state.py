@@ -142,7 +142,7 @@ class TourState:
         """Returns the chair of the tour: the possessed chair, otherwise the largest chair, or None without a
         chair.
         """
-        held = self._held_characters()
+        held = self._find_held_characters()
         chairs = sorted(self.chairs, key=lambda shape: (shape.id in held, _measure_size(shape)))
         return chairs[-1] if chairs else None
 
@@ -166,13 +166,13 @@ class TourState:
     def has_dancer(self) -> bool:
         """Returns True if a dancer is in view, and the chair is on the dancer's stage."""
         perform, chair = self.workspace.perform, self.chair
-        there = chair is not None and chair.id in perform.stage_ids
-        return there and perform.connected and bool(perform.performers)
+        is_on_stage = chair is not None and chair.id in perform.stage_ids
+        return is_on_stage and perform.connected and bool(perform.performers)
 
     @property
     def is_held(self) -> bool:
         """Returns True if a dancer possesses the chair."""
-        return bool(self._held_characters())
+        return bool(self._find_held_characters())
 
     @property
     def dances(self) -> bool:
@@ -214,7 +214,7 @@ class TourState:
         """Returns True if a tool is active."""
         return self.workspace.input.tool.name == name
 
-    def _held_characters(self) -> Sequence[str]:
+    def _find_held_characters(self) -> Sequence[str]:
         graphs = self.workspace.editor.project.graphs
         return [holder.character for holder in self.workspace.perform.holders if holder.character in graphs]
 
