@@ -91,7 +91,8 @@ class SensorLog:
             return "none, by the image numbers of the sensor"
         start_s, longest = max(self._gaps, key=lambda gap: gap[1])
         count = sum(lost for _, lost in self._gaps)
-        return f"{count} images in {len(self._gaps)} gaps; the longest gap is {longest} images at {start_s:.2f} s"
+        gap = f"the longest gap is {longest} images at {start_s:.2f} s"
+        return f"{count} images in {len(self._gaps)} gaps; {gap}"
 
     def _count(self, sensor: str, sequence: int, time_ns: int) -> None:
         """Counts a gap in the sensor's sequence numbers. A reopened sensor starts with other numbers."""

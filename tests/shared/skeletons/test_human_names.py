@@ -8,7 +8,7 @@ from made_people import CONVENTIONS, convention_name, person
 from enliven.document.skeleton import Skeleton
 from enliven.person import BODY_NAMES, PARENTS
 from enliven.skeletons.anatomy import find_anatomy
-from enliven.skeletons.human_names import finger_joints, find_human_joints
+from enliven.skeletons.human_names import find_human_joints, finger_joints
 
 
 @pytest.mark.parametrize("extras", [False, True], ids=["plain", "extras"])
