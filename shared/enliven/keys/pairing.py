@@ -210,7 +210,7 @@ class PairingCodes:
 
     def _describe_closed(self) -> str:
         if self.pause_s and self._clock() < self._until:
-            return f"too many attempts: the edge shows a new code in {self.pause_s:.0f} s"
+            return f"too many tries: the edge shows a new code in {self.pause_s:.0f} s"
         return (
             "pairing is closed. Start the edge again, or open pairing on the edge's computer: "
             "enliven pair 127.0.0.1 --show-code"

@@ -210,7 +210,10 @@ def refused(job, *words):
 
 def test_bad_examples_are_refused_by_name():
     good = examples_of(1)
-    refused(lambda: Examples(good.joints, good.points, good.sources[:1], good.targets[:1]), "1 example")
+    refused(
+        lambda: Examples(good.joints, good.points, good.sources[:1], good.targets[:1]),
+        "number of examples is 1",
+    )
     twice = good.sources.copy()
     twice[3] = twice[1]
     refused(lambda: Examples(good.joints, good.points, twice, good.targets), "1 and 3", "same pose")

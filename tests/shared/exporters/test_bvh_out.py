@@ -193,10 +193,10 @@ def test_content_unsupported_by_bvh_is_reported():
     performance = sample_performance(Project().with_streams(stream).with_characters(graph), "chair")
     with pytest.raises(InputError, match=r"no skeleton.*Write a \.glb instead"):
         bvh_text(performance)
-    with pytest.raises(InputError, match="holds one character, not 2"):
+    with pytest.raises(InputError, match="only one character, but 2"):
         exporter_of("a.bvh").write("a.bvh", [performance, performance], "two")
     skeleton = Skeleton(("a",), np.array([-1]), np.zeros((1, 3)))
-    with pytest.raises(InputError, match="the unit 'inch' does not exist"):
+    with pytest.raises(InputError, match="the unit 'inch' is unknown"):
         bvh_text(
             performance_of_clip(Clip("a", skeleton, np.array([[[1, 0, 0, 0]]]), np.zeros((1, 3)), 0.1)),
             "inch",

@@ -126,7 +126,7 @@ def test_no_humanoid_is_refused_with_the_reason(tmp_path, kind):
     with pytest.raises(InputError, match=r"character 'horse'.*not a humanoid.*Write a \.glb instead"):
         exporter_of(path).save(path, [animal], "horse")
     human = sample_performance(Project().with_characters(shape_with_markers("man", person("mixamo"))), "man")
-    with pytest.raises(InputError, match="holds one character, not 2"):
+    with pytest.raises(InputError, match="only one character, but 2"):
         exporter_of(path).save(path, [human, human], "two")
     for options in ({"up": "z"}, {"unit": "cm"}):
         with pytest.raises(InputError, match="has no '"):

@@ -159,7 +159,7 @@ def test_a_row_too_many_is_read_and_noted() -> None:
         ("CHANNELS 6", "CHANNELS 5", 5, "states 5 channels but names 6"),
         ("}\nMOTION", "MOTION", 10, "before the hierarchy is complete"),
         ("Frames: 2", "Frames: two", 12, "expected 'Frames:'"),
-        ("0.04", "0", 13, "lasts 0.0 s"),
+        ("0.04", "0", 13, "the frame time is 0.0 s"),
         ("1 90 0 90 0 0", "1 90 0 90 0", 15, "frame 2 has 5 numbers"),
         ("1 90 0 90 0 0", "1 90 nan 90 0 0", 15, "not finite"),
         ("ROOT Hips", "JOINT Hips", 2, "is not allowed here"),

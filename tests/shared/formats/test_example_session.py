@@ -356,7 +356,10 @@ def test_file_path_may_start_with_environment_variable(folder, monkeypatch):
     monkeypatch.delenv("MODELS", raising=False)
     with pytest.raises(InputError) as refused:
         read_session(path)
-    assert "[mesh]: $MODELS/stool.ply: $MODELS is not set. Set MODELS to a folder" in str(refused.value)
+    assert (
+        "[mesh]: $MODELS/stool.ply: the environment variable MODELS is not set. Set MODELS to a folder"
+        in str(refused.value)
+    )
     monkeypatch.setenv("MODELS", str(folder))
     read = read_session(path)
     assert read.mesh.file == "$MODELS/stool.ply" and list(read.project.takes) == ["walk"]

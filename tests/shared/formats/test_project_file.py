@@ -236,7 +236,11 @@ def spoiled(change):
         (lambda h, a: first_layer(h).pop("take"), "'take' is missing", "layers[0]"),
         (lambda h, a: first_layer(h).update(speed="fast"), "'fast' is not a float", "speed"),
         (lambda h, a: first_layer(h).update(loop=1), "is not a bool", "loop"),
-        (lambda h, a: first_shape(h).update(kind="lattice"), "kind 'lattice' is unknown", "shape 0"),
+        (
+            lambda h, a: first_shape(h).update(kind="lattice"),
+            "kind of character 'lattice' is unknown",
+            "shape 0",
+        ),
         (lambda h, a: first_shape(h).pop("kind"), "kind None is unknown", "shape 0"),
         (lambda h, a: h["project"]["takes"].pop("walk"), "no take 'walk'", "shape"),
     ],

@@ -164,10 +164,10 @@ def test_a_models_own_take_is_copied_joint_by_joint(files, capsys):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--start", "9"], "it lasts 0.55 s"),
+        (["--start", "9"], "the motion lasts 0.55 s"),
         (["--rest", "soon"], "--rest: rest is 'soon'"),
         (["--map", "none.toml"], "none.toml: the file does not exist"),
-        (["--height", "-1"], "cannot become -1.0 m"),
+        (["--height", "-1"], "cannot be scaled to -1.0 m"),
     ],
 )
 def test_impossible_requests_are_reported(files, capsys, options, words):

@@ -100,7 +100,7 @@ def test_invalid_file_options_are_refused():
     capture = a_capture(np.random.default_rng(0))
     with pytest.raises(InputError, match="rest pose 12 does not exist"):
         clip_of_capture(capture, "take", rest=12)
-    with pytest.raises(InputError, match="unit 'elbow' does not exist"):
+    with pytest.raises(InputError, match="unit 'elbow' is unknown"):
         clip_of_capture(capture, "take", unit="elbow")
     with pytest.raises(InputError, match="m is not valid"):
         clip_of_capture(capture, "take", unit=0.0)

@@ -56,7 +56,7 @@ def test_an_address_is_parsed(text, parts):
         ("vmc:127.0.0.1:", r"'' is not a valid port"),
         ("vmc:no-such-host.invalid", r"the host 'no-such-host\.invalid' was not found.*IP address"),
         (f"vmc:{'a' * 300}", r"was not found"),
-        ("osc:127.0.0.1/anna", r"always sends everything.*Leave out /anna"),
+        ("osc:127.0.0.1/anna", r"always sends everything.*Remove /anna"),
         ("vrchat:127.0.0.1/anna", r"vrchat can send only performers, and 'anna'.*performer-1"),
         ("vmc:127.0.0.1/performer-0", r"not the name of a performer.*performer-1"),
         ("vrchat:127.0.0.1/performer-x", r"not the name of a performer"),

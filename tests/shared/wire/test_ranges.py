@@ -161,7 +161,7 @@ def test_ranges_between_fields_hold_too() -> None:
         "seen": bytes(3),
     }
     assert scans.ScanPieceMessage(**piece, faces=bytes([0, 0, 1, 0, 2, 0])).faces
-    with pytest.raises(ValueError, match="beyond the 3 vertices"):
+    with pytest.raises(ValueError, match="the block has 3 vertices"):
         scans.ScanPieceMessage(**piece, faces=bytes([0, 0, 1, 0, 3, 0]))
     with pytest.raises(MalformedMessageError):
         pack_checked(streams.SizeMessage("chair", 0.0))
