@@ -15,7 +15,6 @@ from enliven.takes.rigged import skeleton_from_bones
 from enliven_viewer.language import later
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
-from enliven_viewer.studio.window.window_pictures import find_shown_characters, find_shown_scene
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 
@@ -53,8 +52,8 @@ class WindowOutputs(Closeable):
 
     def _frame(self, now_ns: int) -> LiveFrame:
         """Returns the shown stage as a live frame."""
-        project = find_shown_characters(self._workspace)
-        scene = find_shown_scene(self._workspace) or Scene()
+        project = self._workspace.shown_characters
+        scene = self._workspace.shown_scene or Scene()
         drawn = {standing.id: self._find_character_info(standing) for standing in project}
         shapes = {name: character for name, character in drawn.items() if character is not None}
         poses: dict[str, Pose] = {standing.id: standing.pose for standing in project if standing.id in shapes}
@@ -70,8 +69,7 @@ class WindowOutputs(Closeable):
             shapes, lambda name: skeletons[name] if name in skeletons else _live_skeleton(shapes[name])
         )
         numbered, events = self._numbers.number(scene.bodies, now_ns)
-        live = self._workspace.perform.live
-        held = frozenset(() if live is None else live.held & shapes.keys())
+        held = self._workspace.live.find_held() & shapes.keys()
         events += [LiveEvent("possess", 0, name) for name in sorted(held - self._held)]
         events += [LiveEvent("release", 0, name) for name in sorted(self._held - held)]
         self._held = held

@@ -67,14 +67,6 @@ def _make_actions(
     yield from make_reading_actions(preferences)
     yield Action("help.palette", "Help", "Find an action...", ("ctrl+k",), lambda: ask("palette"))
     yield Action(
-        "help.tour",
-        "Help",
-        "Take the tour",
-        (),
-        lambda: ask("tour"),
-        about="Make a chair dance, cut off a leg, and save it. You can leave the tour and resume it later.",
-    )
-    yield Action(
         "help.start",
         "Help",
         "Start page",
