@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, ImVec2Like, imgui
 
+from enliven.document import ExampleCharacter
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.studio.actions.keys import format_key
 from enliven_viewer.studio.app.marks import draw_mark, make_axes_marks
@@ -50,7 +51,7 @@ def _draw_tool(workspace: Workspace, draw_list: imgui.ImDrawList, area: Area, *,
     _draw_brackets(workspace, draw_list, area)
     for mark in workspace.input.tool.overlay().marks:
         draw_mark(draw_list, area, mark)
-    if workspace.puppets.puppet is not None:
+    if workspace.editor.find_selected(ExampleCharacter) is not None:
         for mark in make_axes_marks(workspace.editor.lens, (area.width - 46, area.height - 42)):
             draw_mark(draw_list, area, mark)
     if over:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.document import RiggedCharacter
+from enliven.document import ExampleCharacter, RiggedCharacter
 from enliven_viewer.language import tr
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
@@ -38,7 +38,7 @@ class SelectTool(Tool):
             return tr("{0} shapes are chosen. Drag one with G, and all of them move.", len(chosen.characters))
         if chosen.chain:
             return "A chain is chosen. Ctrl+Shift+C copies its motion, Ctrl+Shift+V pastes motion onto it."
-        if self.editor.puppets.puppet is not None:
+        if self.editor.find_selected(ExampleCharacter) is not None:
             return "A puppet is chosen. K puts control points on it and poses it."
         if chosen.handle is not None:
             return "Shift-click another joint to choose the chain between them. Delete removes the node."

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from enliven.document import ExampleCharacter
 from enliven.errors import EnlivenError
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.app.viewport_input import ViewportInput, make_tool_action
@@ -108,7 +109,9 @@ def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action
         return ""
 
     def lacks_puppet() -> str:
-        return "" if commands.editor.puppets.puppet else "No puppet is chosen. Click one first."
+        return (
+            "" if commands.editor.find_selected(ExampleCharacter) else "No puppet is chosen. Click one first."
+        )
 
     yield Action(
         "file.export",

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from enliven.document import Project
+from enliven.document import ExampleCharacter, Project
 from enliven.errors import EnlivenError
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.palette_search import PaletteSearch
@@ -18,7 +18,6 @@ from enliven_viewer.studio.app.file_browser import FileBrowser
 from enliven_viewer.studio.editor.background import WorkProgress
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.registry import register_features
-from enliven_viewer.studio.puppets.coverage import CoverageCache
 from enliven_viewer.studio.workspace.action_table import make_studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.depth_tracking import DepthTracking, lacks_tracking
@@ -74,8 +73,6 @@ class Workspace(App):
         self.input.key_filter = lambda key: (
             self.actions.press(key, workspace_only=True) or any(handle(key) for handle in self.key_handlers)
         )
-        self.puppets = editor.puppets
-        self.add_state(CoverageCache())
         self.store, self.depth = ProjectStore(editor, folder), DepthTracking(editor)
         self.transport_sections.append(self._draw_tracking)
         self.caption = self.pressed = ""
@@ -316,7 +313,7 @@ class Workspace(App):
             "session": SESSION_SUFFIXES,
             **{name: opened.suffixes for name, opened in self.file_dialogs.items()},
         }[dialogue]
-        puppet, unnamed = self.editor.puppets.puppet, self.store.path is None
+        puppet, unnamed = self.editor.find_selected(ExampleCharacter), self.store.path is None
         about_it = dialogue == "session" or (dialogue in ("export", "film") and unnamed)
         stem = puppet.id if puppet is not None and about_it else self.store.name
         opens = dialogue == "open" or dialogue in self.file_dialogs
