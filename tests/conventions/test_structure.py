@@ -62,6 +62,26 @@ def test_editor_of_the_studio_has_few_methods():
     assert len(methods) < 20, methods
 
 
+MAX_RIG_TESTS = 13
+"""Maximum number of tests for one type of rig outside the modules that convert between rigs and data."""
+_RIG_TYPES = {"RiggedCharacter", "GraphCharacter", "ExampleCharacter"}
+_RIG_CONVERTERS = ("enliven/formats", "enliven/wire", "enliven_viewer/render", "enliven/document")
+
+
+def test_few_modules_test_the_type_of_a_rig():
+    """What differs between rigs belongs to RigBase and RigEdits, so that a further rig is one package."""
+    found = []
+    for folder in PACKAGES.values():
+        for path in (ROOT / folder).rglob("*.py"):
+            if not any(part in path.as_posix() for part in _RIG_CONVERTERS):
+                for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                    is_call = isinstance(node, ast.Call) and getattr(node.func, "id", "") == "isinstance"
+                    names = {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
+                    if (is_call or isinstance(node, ast.Compare)) and names & _RIG_TYPES:
+                        found.append(f"{path.relative_to(ROOT)}:{node.lineno}")
+    assert len(found) <= MAX_RIG_TESTS, found
+
+
 CONTRACTS = """
 [tool.importlinter]
 root_packages = ["core", "edge"]

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from enliven.document import Character, Pose, RiggedCharacter, Skeleton, SkinWeights
+from enliven.document import Character, Pose, Skeleton, SkinWeights
 from enliven.errors import InputError, ResourceError
 from enliven.outputs.live_frame import CharacterInfo, CharacterInfos, LiveEvent, LiveFrame, PerformerSlots
 from enliven.outputs.opening import OutputSet
@@ -57,11 +57,8 @@ class WindowOutputs(Closeable):
         drawn = {standing.id: self._find_character_info(standing) for standing in project}
         shapes = {name: character for name, character in drawn.items() if character is not None}
         poses: dict[str, Pose] = {standing.id: standing.pose for standing in project if standing.id in shapes}
-        skeletons = {
-            standing.id: standing.character.skeleton
-            for standing in project
-            if isinstance(standing.character, RiggedCharacter)
-        }
+        found = {standing.id: standing.character.find_skeleton() for standing in project}
+        skeletons = {name: skeleton for name, skeleton in found.items() if skeleton is not None}
         for actor in scene.actors:
             if actor.character.id not in shapes:
                 shapes[actor.character.id], poses[actor.character.id] = actor.character, actor.pose
@@ -79,9 +76,9 @@ class WindowOutputs(Closeable):
         """Returns the constant data of a character of the project. A skeleton without a surface
         is allowed.
         """
-        if standing.drawn is not None or not isinstance(standing.character, RiggedCharacter):
+        name, skeleton = standing.id, standing.character.find_skeleton()
+        if standing.drawn is not None or skeleton is None:
             return standing.drawn
-        name, skeleton = standing.id, standing.character.skeleton
         stand_in = self._stand_ins.get(name)
         if stand_in is None or stand_in[0] is not skeleton:
             stand_in = self._stand_ins[name] = (skeleton, _character_without_surface(name, skeleton))
