@@ -26,8 +26,8 @@ from enliven.document import (
 )
 from enliven_viewer.language import CATALOGUES
 from enliven_viewer.render.stage_look import LOOKS
+from enliven_viewer.studio.app.workspace_tabs import WORKSPACES
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.features.perform.session import WORKSPACES
 from enliven_viewer.studio.features.puppets.solver_settings import SETTING_SLIDERS, get_description
 from enliven_viewer.studio.workspace.workspace import Workspace
 

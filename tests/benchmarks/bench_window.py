@@ -42,6 +42,7 @@ from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.studio.app.time_axis import RULER_HEIGHT
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 LAYERS = 10
@@ -92,8 +93,8 @@ def _scrub() -> Figure:
         take, chain = arm.layers[0].take, range(len(arm.skeleton))
         project = bind_chain(project, arm.id, chain, take, arm.layers[0].chain, offset=0.1 * number)
     workspace = Workspace(Editor(project=project))
-    workspace.editor.motion_solver.settle(project, names[2])
-    surfaces, puppet = workspace.puppets.stage.surfaces, project.puppet(names[2])
+    get_puppet_editor(workspace.editor).motion_solver.settle(project, names[2])
+    surfaces, puppet = get_puppet_editor(workspace.editor).stage.surfaces, project.puppet(names[2])
     while not surfaces.is_prepared(puppet):
         time.sleep(TURN)
     timeline, took = workspace.state(TimelineInput), list[float]()

@@ -16,6 +16,7 @@ from enliven_viewer.studio.features.puppets.key_pose_navigator import KeyPoseNav
 from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.puppets.coverage import CoverageCache
 from enliven_viewer.studio.puppets.example_edits import turn_quarter, with_guessed_joints, with_points
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -62,9 +63,12 @@ def test_a_cactus_that_lies_on_its_back_is_stood_up_and_directs_traffic(tmp_path
         places[1:3] += 0.1 * tall * np.array([[0, number - 1, 0], [0, 1 - number, 0]])
         change = {"places": places}
         assert editor.edit("pose", lambda project, n=number, c=change: change_key_pose(project, name, n, **c))
-    workspace.puppets.accept()
-    project, puppet = editor.motion_solver.settle(editor.project, name)
-    assert not find_missing_examples(project, puppet) and editor.motion_solver.problem(name) is None
+    get_puppet_editor(workspace.editor).accept()
+    project, puppet = get_puppet_editor(editor).motion_solver.settle(editor.project, name)
+    assert (
+        not find_missing_examples(project, puppet)
+        and get_puppet_editor(editor).motion_solver.problem(name) is None
+    )
     assert puppet is editor.project.puppets[name]
     for pose, second in zip(puppet.poses, coverage.times[:3], strict=True):
         shown_places = evaluate_state(project, puppet, second).places

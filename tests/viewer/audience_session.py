@@ -22,6 +22,8 @@ from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.playback.document import Document
 from enliven_viewer.settings import RenderSettings, WindowStart
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.perform.feature import StageOverlays
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -35,8 +37,8 @@ pictures: dict[str, np.ndarray] = {}
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, feed: Feed) -> None:
     """Plays the events of an installation."""
-    workspace, loop = window.workspace, window._idle_loop
-    perform = workspace.perform
+    workspace = window.workspace
+    perform, loop = workspace.state(PerformSession), workspace.state(StageOverlays).idle_loop
 
     def until(done: Callable[[], object], what: str) -> None:
         report["waits for"], end = what, time.monotonic() + PATIENCE
@@ -91,8 +93,8 @@ def main() -> None:
     feed = Feed(empty=True)
     render = RenderSettings() if large else RenderSettings(shadow_size=64, contact_size=32, samples=1)
     workspace = Workspace.new(Editor(StudioSettings(render=render, width=640, height=480)), folder)
-    workspace.perform.active_workspace = "Play"
-    workspace.perform.live = LiveStage(feed, Document())
+    workspace.state(PerformSession).active_workspace = "Play"
+    workspace.state(PerformSession).live = LiveStage(feed, Document())
     opening = WindowStart("enliven", full_screen=True, escape_ends=True, audience=True)
     window = StudioWindow(workspace, opening=opening)
 

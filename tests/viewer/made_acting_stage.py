@@ -23,6 +23,7 @@ from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.outliner.outliner import Outliner
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.tools.base import Pointer
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -74,7 +75,7 @@ def acting_stage(folder: Path, width: int = 1280, height: int = 720) -> Workspac
 def ready_for(workspace: Workspace, action: Action) -> None:
     """Selects what an action needs, and makes undo, redo and paste possible."""
     editor = workspace.editor
-    workspace.perform.active_workspace = (action.workspaces or ("Animate",))[0]
+    workspace.state(PerformSession).active_workspace = (action.workspaces or ("Animate",))[0]
     workspace.input.activate_tool("choose")
     workspace.state(Outliner).renaming = ""
     editor.go_to(0)

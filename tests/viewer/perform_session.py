@@ -25,6 +25,7 @@ from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven_viewer.live.possession_choice import PART_CHOICES
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -70,7 +71,7 @@ class RealEdge:
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdge) -> None:
     """Plays an artist's actions, and the edge's failures during them."""
     workspace = window.workspace
-    editor, perform = workspace.editor, workspace.perform
+    editor, perform = workspace.editor, workspace.state(PerformSession)
 
     def until(done: Callable[[], object], what: str, ask: Callable[[], object] = lambda: None) -> None:
         report["waits for"] = what
@@ -174,7 +175,7 @@ def close_by(
     shot: Callable[[str], None],
 ) -> None:
     """Releases the chair. The view moves to the legs that would be attached next, and back afterwards."""
-    perform, camera = window.workspace.perform, window.workspace.editor.camera
+    perform, camera = window.workspace.state(PerformSession), window.workspace.editor.camera
     until(lambda: not perform.holders, "a chair that is free", lambda: ctx.key_press(int(imgui.Key.r)))
     before = camera.goal
     press(ctx, "3")
@@ -198,7 +199,7 @@ def layered(
     """Possesses the selected arm, records it, and records again during playback. The arm is cut in
     between.
     """
-    editor, perform = window.workspace.editor, window.workspace.perform
+    editor, perform = window.workspace.editor, window.workspace.state(PerformSession)
     editor.select_only("arm")
     until(lambda: perform.sender.states.get("arm") == "on the stage" and perform.target == "arm", "the arm")
     live, counts, shown = perform.live, [], list[object]()
@@ -225,7 +226,7 @@ def each_action(
 ) -> dict[str, list[str]]:
     """Does every stage action once from its menu and once by its key. Returns the refused actions."""
     workspace, refused = window.workspace, dict[str, list[str]]()
-    recording = workspace.perform.recording
+    recording = workspace.state(PerformSession).recording
     stage = [action for action in workspace.actions if action.id.startswith("perform.")]
     last = [action for action in stage if action.id in RECORDING or action.id == TAKE_OFF]
     alone = [action for action in stage if action not in last]
@@ -235,7 +236,7 @@ def each_action(
     steps += [(beside, by_menu), (record, by_key), (beside, by_key), (record, by_menu)]
     steps.append((workspace.actions[TAKE_OFF], by_menu))
     for action, way in steps:
-        workspace.perform.active_workspace = (action.workspaces or ("Play",))[-1]
+        workspace.state(PerformSession).active_workspace = (action.workspaces or ("Play",))[-1]
         workspace.actions.recent.clear()
         workspace.editor.select(character="arm")
         if "own_size" in action.id:

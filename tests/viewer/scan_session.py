@@ -20,6 +20,7 @@ from PIL import Image
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.features.scan.advice import choose_advice
 from enliven_viewer.studio.features.scan.session import ScanSession
 from enliven_viewer.studio.settings import StudioSettings
@@ -37,7 +38,7 @@ wanted: list[str] = []
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: str) -> None:
     """Plays an artist's actions."""
     workspace = window.workspace
-    editor, perform, scan = workspace.editor, workspace.perform, workspace.state(ScanSession)
+    editor, perform, scan = workspace.editor, workspace.state(PerformSession), workspace.state(ScanSession)
     places = set[tuple[int, ...]]()
 
     def until(done: Callable[[], object], what: str) -> None:

@@ -18,6 +18,7 @@ from PIL import Image
 
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.features.scan.session import ScanSession
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window.window import StudioWindow
@@ -40,7 +41,7 @@ wanted: list[str] = []
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, settings: str) -> None:
     """Plays an artist's actions and spoken commands."""
     workspace = window.workspace
-    editor, perform, scan = workspace.editor, workspace.perform, workspace.state(ScanSession)
+    editor, perform, scan = workspace.editor, workspace.state(PerformSession), workspace.state(ScanSession)
     voice, physics = perform.voice, perform.physics
     places = list[tuple[float, ...]]()
 

@@ -30,6 +30,7 @@ from studio_driver.filming import WindowStage
 
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -46,7 +47,7 @@ def work(workspace: Workspace) -> Iterator[Action]:
         return workspace.editor.project.puppets["star"]
 
     yield Wait(0.2)
-    report["chosen"] = workspace.puppets.puppet is star()
+    report["chosen"] = get_puppet_editor(workspace.editor).puppet is star()
     yield Click(Widget("takes"))
     yield Click(Widget("pick sway"))
     report["plays"] = [layer.take for layer in star().layers]
@@ -66,11 +67,11 @@ def work(workspace: Workspace) -> Iterator[Action]:
         yield Wait(0.3)
         hand = OnPuppet("star", point=number)
         yield Drag((hand, Near(hand, 24, -30 * number)), 0.2)
-    report["editing"] = workspace.puppets.number
+    report["editing"] = get_puppet_editor(workspace.editor).number
     yield Click(Widget("pose Done"))
     yield Wait(1.0)
-    workspace.editor.motion_solver.settle(workspace.editor.project, "star")
-    report["problem"] = str(workspace.editor.motion_solver.problem("star"))
+    get_puppet_editor(workspace.editor).motion_solver.settle(workspace.editor.project, "star")
+    report["problem"] = str(get_puppet_editor(workspace.editor).motion_solver.problem("star"))
     report["poses"] = len(star().poses)
     first = min(star().poses, key=lambda pose: pose.time).time
     yield Drag((OnLane("poses", first), OnLane("poses", first + 0.2)), 0.2)
@@ -88,9 +89,9 @@ def work(workspace: Workspace) -> Iterator[Action]:
     yield Click(Widget("hold still"))
     report["held"] = len(star().layers[0].velocities)
     yield Click(Widget("all shapes"))
-    report["left"] = workspace.puppets.puppet is None
+    report["left"] = get_puppet_editor(workspace.editor).puppet is None
     yield Click(Widget("character star"))
-    report["again"] = workspace.puppets.puppet is star()
+    report["again"] = get_puppet_editor(workspace.editor).puppet is star()
     yield Do(lambda workspace: report.update(bad=[t.text for t in workspace.editor.toasts.shown if t.bad]))
     report["done"] = True
 

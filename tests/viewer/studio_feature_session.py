@@ -17,6 +17,7 @@ from PIL import Image
 
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -49,9 +50,9 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     click("gauge back")
     look("closed")
     by_key(ctx, action)
-    workspace.perform.active_workspace = "Perform"
+    workspace.state(PerformSession).active_workspace = "Perform"
     look("Perform")
-    workspace.perform.active_workspace = "Model"
+    workspace.state(PerformSession).active_workspace = "Model"
     look("Model")
     click("tool gauge")
     report["tool"], report["frames"] = workspace.input.tool.name, gauge.frames > 10

@@ -21,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 from drawn_text import Letters, cut_letters, drawn_letters, overlapping_letters
 from made_acting_stage import acting_stage
 
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.features.scan.session import ScanSession
 from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -42,7 +43,7 @@ report: dict[str, dict] = {}
 
 def enter(workspace: Workspace, room: str, *, chosen: str | None = None, tool: str = "choose") -> None:
     """Shows a workspace with a character and a tool."""
-    workspace.perform.active_workspace, workspace.state(ScanSession).is_shown = room, False
+    workspace.state(PerformSession).active_workspace, workspace.state(ScanSession).is_shown = room, False
     workspace.input.activate_tool(tool)
     workspace.editor.select_only(chosen)
 

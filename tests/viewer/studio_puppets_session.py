@@ -29,6 +29,7 @@ from studio_driver import (
 from studio_driver.filming import WindowStage
 
 from enliven_viewer.studio.features.puppets.puppet_tool import PuppetTool
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -50,7 +51,7 @@ def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
         yield Click(OnPuppet("star", vertex(name)))
         yield Wait(0.1)
         yield look
-    report["points"] = len(workspace.puppets.puppet.points)
+    report["points"] = len(get_puppet_editor(workspace.editor).puppet.points)
     yield Do(lambda d: d.editor.scrub(1.0))
     yield Click(OnPuppet("star", point=0))
     yield snap("chosen")
@@ -60,9 +61,12 @@ def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
     assert manipulator is not None
     tip = Spot(*(manipulator.place + np.array([0.0, 60.0, 0.0]) * manipulator.pixel))
     yield Drag((tip, Near(tip, 0, -50)), seconds=0.3)
+    puppets = get_puppet_editor(workspace.editor)
     report["pose"] = [
-        workspace.puppets.number,
-        (workspace.puppets.places - workspace.puppets.puppet.rest)[0].tolist(),
+        puppets.number,
+        (get_puppet_editor(workspace.editor).places - get_puppet_editor(workspace.editor).puppet.rest)[
+            0
+        ].tolist(),
     ]
     yield snap("posed")
     yield look
@@ -74,7 +78,7 @@ def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
     report["warning"] = tool.warning
     yield Key("ctrl+z")
     yield Key("enter")
-    report["left"] = workspace.puppets.is_posing
+    report["left"] = get_puppet_editor(workspace.editor).is_posing
     yield Wait(0.1)
     yield look
     report["steady"], report["column"] = steady, list(window.places.side)

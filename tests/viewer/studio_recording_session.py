@@ -28,6 +28,7 @@ from enliven.health import HealthState, Severity
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -59,7 +60,7 @@ wanted: list[str] = []
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdge, folder: Path) -> None:
     """Plays an artist's actions."""
     workspace = window.workspace
-    perform, recording = workspace.perform, workspace.perform.recording
+    perform, recording = workspace.state(PerformSession), workspace.state(PerformSession).recording
 
     def until(done: Callable[[], object], what: str) -> None:
         report["waits for"], end = what, time.monotonic() + PATIENCE
@@ -142,7 +143,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
 
 def characters_come(ctx, window, until, places) -> list[object]:
     """Returns the widgets' positions while the user's and a visitor's character are added to the stage."""
-    workspace, perform, seen = window.workspace, window.workspace.perform, []
+    workspace, perform, seen = window.workspace, window.workspace.state(PerformSession), []
     pill = limb(np.array([[0.0, 0.6], [-0.05, 0.3], [-0.2, 0.0]]), np.array([0.09, 0.06, 0.045]))
     arm = shape_from_stroke(np.add(pill, [-0.8, 0.5]), id="arm")
     workspace.editor.edit("sketch", lambda project: project.with_characters(arm))
@@ -170,7 +171,7 @@ def close(ctx, window, press, until, shot, folder: Path) -> None:
     """Closes the window during a recording. It asks, the recording continues, and is then saved with the
     rest.
     """
-    workspace, recording = window.workspace, window.workspace.perform.recording
+    workspace, recording = window.workspace, window.workspace.state(PerformSession).recording
     workspace.store.save(folder / "clean.enliven")
     recording.toggle()
     until(lambda: recording.phase == "recording" and recording.recorder.seconds > 0.5, "another recording")

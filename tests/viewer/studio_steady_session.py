@@ -18,6 +18,7 @@ from imgui_bundle import imgui
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.perform.cameras import Camera
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.features.scan.session import ScanSession
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window.window import StudioWindow
@@ -62,11 +63,11 @@ class Steps:
 
     def steps(self):
         """Yields True if the shown state stays."""
-        workspace, search = self.workspace, self.workspace.perform.cameras
+        workspace, search = self.workspace, self.workspace.state(PerformSession).cameras
         workspace.starting = True
         self.show("start page")
         yield lambda: self.count < 20
-        workspace.starting, workspace.perform.active_workspace = False, "Perform"
+        workspace.starting, workspace.state(PerformSession).active_workspace = False, "Perform"
         self.show("no stage")
         end = time.monotonic() + PATIENCE_S
         yield lambda: search.cameras is None and time.monotonic() < end

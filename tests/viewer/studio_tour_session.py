@@ -22,6 +22,9 @@ from studio_driver.filming import WindowStage
 from enliven.overdub.possessed_overdub import has_motion
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.perform.session import PerformSession
+from enliven_viewer.studio.features.tour.feature import TourGuide
+from enliven_viewer.studio.features.tour.tour import Tour
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -39,20 +42,25 @@ wanted: list[str] = []
 stages: list[WindowStage] = []
 
 
+def find_tour(workspace: Workspace) -> Tour | None:
+    """Returns the running tour, or None without one."""
+    return workspace.state(TourGuide).tour
+
+
 def until(workspace: Workspace, done: Callable[[], object], what: str) -> Iterator[Action]:
     """Waits for a condition until a timeout of the wall clock."""
     end = time.monotonic() + PATIENCE
     while not done():
         if time.monotonic() > end:
-            tour = workspace.tour
+            tour = find_tour(workspace)
             report["missing"] = [
                 what,
                 tour and [tour.number, tour.text, tour.done_display_s],
                 [toast.text for toast in workspace.editor.toasts.shown],
                 [
-                    workspace.perform.active_workspace,
-                    workspace.perform.stage_ids,
-                    workspace.perform.recording.phase,
+                    workspace.state(PerformSession).active_workspace,
+                    workspace.state(PerformSession).stage_ids,
+                    workspace.state(PerformSession).recording.phase,
                 ],
             ]
             yield Do(lambda _: wanted.append("stuck"))
@@ -71,28 +79,28 @@ def meets(workspace: Workspace, name: str, *, picture: bool = False) -> Iterator
     """Waits for the outline around a part. Stores it, with the widget that it must enclose."""
     shown = lambda: "tour outline" in workspace.widgets  # noqa: E731
     if not picture:
-        fits = lambda: shown() and name in workspace.tour.target.widgets  # noqa: E731
+        fits = lambda: shown() and name in find_tour(workspace).target.widgets  # noqa: E731
         yield from until(workspace, fits, f"the outline of {name}")
         yield Wait(3 * STEP)  # scrolling has finished by then
         there = workspace.widget(name)
     else:
-        fits = lambda: shown() and workspace.tour.target.path  # noqa: E731
+        fits = lambda: shown() and find_tour(workspace).target.path  # noqa: E731
         yield from until(workspace, fits, f"the way in the picture to {name}")
         there = None
     report["outlines"].append([name, workspace.widgets["tour outline"], there])
-    report["texts"].append(workspace.tour.text)
+    report["texts"].append(find_tour(workspace).text)
     yield from shot(f"{len(report['outlines']):02d} {name.replace('/', ' ')}")
 
 
 def by_hand(workspace: Workspace) -> Iterator[Action]:
     """Does what a child would do after reading each sentence."""
-    editor, perform = workspace.editor, workspace.perform
+    editor, perform = workspace.editor, workspace.state(PerformSession)
     yield from meets(workspace, "do Armchair")
     yield Click(Widget("do Armchair"))
     began = time.monotonic()
     yield from meets(workspace, "recorded person")
     yield from press(workspace, "recorded person", lambda: perform.live is not None)
-    yield from until(workspace, lambda: "stage state" in workspace.tour.target.widgets, "the waiting")
+    yield from until(workspace, lambda: "stage state" in find_tour(workspace).target.widgets, "the waiting")
     yield Wait(0.5)
     yield from shot("02b waiting")
     yield from meets(workspace, "possess")
@@ -103,9 +111,9 @@ def by_hand(workspace: Workspace) -> Iterator[Action]:
     yield Click(Widget("record"))
     yield Wait(0.8)
     yield from shot("04b counting")
-    yield from until(workspace, lambda: "does what" in workspace.tour.text, "the dance")
+    yield from until(workspace, lambda: "does what" in find_tour(workspace).text, "the dance")
     yield from shot("04c dancing")
-    yield from until(workspace, lambda: "Stop" in workspace.tour.text, "enough of it")
+    yield from until(workspace, lambda: "Stop" in find_tour(workspace).text, "enough of it")
     yield from meets(workspace, "record")
     yield Click(Widget("record"))
     yield from meets(workspace, "room Animate")
@@ -164,13 +172,13 @@ def typed(text: str):
 def leave_and_resume(workspace: Workspace) -> Iterator[Action]:
     """Leaves the tour in its middle, and resumes it from the menu."""
     yield from until(workspace, lambda: "tour later" in workspace.widgets, "the card")
-    number = workspace.tour.number
+    number = find_tour(workspace).number
     yield Click(Widget("tour later"))
-    yield from until(workspace, lambda: workspace.tour is None, "no tour")
+    yield from until(workspace, lambda: find_tour(workspace) is None, "no tour")
     yield from open_menu(workspace, "menu Help")
     yield Click(Widget("menu Help/Take the tour"))
-    yield from until(workspace, lambda: workspace.tour is not None, "the tour again")
-    report["resumed"] = [number, workspace.tour.number]
+    yield from until(workspace, lambda: find_tour(workspace) is not None, "the tour again")
+    report["resumed"] = [number, find_tour(workspace).number]
 
 
 def open_menu(workspace: Workspace, name: str) -> Iterator[Action]:
@@ -193,14 +201,14 @@ def follow_the_arrow(workspace: Workspace, *, shift: bool = False) -> Iterator[A
 
 def on_picture(workspace: Workspace) -> tuple[Near, ...]:
     """Returns the ends of the arrow as positions for the driver."""
-    return tuple(Near(Pixel(0.0, 0.0), x, y) for x, y in workspace.tour.target.path)
+    return tuple(Near(Pixel(0.0, 0.0), x, y) for x, y in find_tour(workspace).target.path)
 
 
 def by_showing(workspace: Workspace) -> Iterator[Action]:
     """Presses "Show me" in each step."""
     number = -1
-    while workspace.tour is not None and workspace.tour.step is not None:
-        tour = workspace.tour
+    while find_tour(workspace) is not None and find_tour(workspace).step is not None:
+        tour = find_tour(workspace)
         if tour.number != number and tour.done_display_s <= 0.0 and not tour.is_demonstrating:
             number = tour.number
             yield Wait(2 * STEP)
@@ -221,19 +229,27 @@ def work(workspace: Workspace, how: str) -> Iterator[Action]:
     yield from shot("00 start")
     yield Click(Widget("do Take the tour"))
     yield from (by_hand if how == "hand" else by_showing)(workspace)
-    yield from until(workspace, lambda: workspace.tour and workspace.tour.step is None, "the end")
+    yield from until(
+        workspace,
+        lambda: (tour := find_tour(workspace)) and tour.step is None,
+        "the end",
+    )
     yield Wait(0.3)
     yield from shot("12 end")
     report["file"] = str(workspace.store.path)
     report["dirty"] = workspace.store.dirty
     yield Click(Widget("tour close"))
     yield Wait(0.2)
-    report["closed"] = [workspace.tour is None, workspace.preferences.toured, workspace.preferences.tour_step]
+    report["closed"] = [
+        find_tour(workspace) is None,
+        workspace.preferences.toured,
+        workspace.preferences.tour_step,
+    ]
     yield Click(Widget("room Perform"))
     yield Wait(0.2)
     yield Click(Widget("leave"))
     yield Wait(0.2)
-    report["left the stage"] = workspace.perform.live is None
+    report["left the stage"] = workspace.state(PerformSession).live is None
     report["toasts"] = [toast.text for toast in workspace.editor.toasts.shown if toast.is_error]
     report["done"] = True
 

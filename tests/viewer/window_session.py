@@ -18,6 +18,7 @@ from enliven_viewer.playback.document import Document, EdgeState
 from enliven_viewer.playback.timeline import NS_PER_S
 from enliven_viewer.settings import RenderSettings, WindowStart
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -59,8 +60,8 @@ def main() -> None:
     render = RenderSettings(shadow_size=64, contact_size=32)
     settings = StudioSettings(render=render, width=640, height=480)
     workspace = Workspace.new(Editor(settings), Path(sys.argv[1]))
-    live = workspace.perform.live = LiveStage(feed, Document())
-    workspace.perform.active_workspace = "Play"
+    live = workspace.state(PerformSession).live = LiveStage(feed, Document())
+    workspace.state(PerformSession).active_workspace = "Play"
     window = StudioWindow(workspace, opening=WindowStart(bare="bare" in sys.argv, escape_ends=True))
 
     def after(window: StudioWindow) -> None:

@@ -165,6 +165,8 @@ class ExampleCharacter(RigBase):
 
     kind = "points"
     word = "puppet"
+    is_solved = True
+    locks_feet = False
     drawn_by = ("mesh", "points")
 
     @property

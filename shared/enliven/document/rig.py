@@ -23,6 +23,7 @@ from enliven.document.time_map import LayerBase
 from enliven.errors import InputError
 
 if TYPE_CHECKING:
+    from enliven.document.skeleton import Skeleton
     from enliven.meshes import Mesh
 
 
@@ -41,6 +42,12 @@ class RigBase:
         kinds: all rig classes by kind. Each class registers itself.
         jointed: True if the handles are joints. A joint is rotated by its bone, and cannot be moved
             independently.
+        is_solved: True if the surface is solved from the handles in every pose, so that an exact export needs
+            morph targets.
+        locks_feet: True if the feet of its recorded motion can be locked. False if the rig has its own
+            contacts.
+        sent_by: names of the attributes that an edge needs, if it does not need the motion. Empty if it needs
+            all.
         id: its name in the project.
         mesh: the surface at rest, or None.
         root_layers: layers that rotate and move the whole character on top of all other layers, the innermost
@@ -53,6 +60,9 @@ class RigBase:
     drawn_by: ClassVar[tuple[str, ...]] = ("mesh",)
     kinds: ClassVar[dict[str, type[RigBase]]] = {}
     jointed: ClassVar[bool] = False
+    is_solved: ClassVar[bool] = False
+    locks_feet: ClassVar[bool] = True
+    sent_by: ClassVar[tuple[str, ...]] = ()
     root_layers: tuple[RootLayer, ...] = ()
     if TYPE_CHECKING:
 
@@ -74,6 +84,15 @@ class RigBase:
     def handles(self) -> tuple[str, ...]:
         """The names of the handles: joints or control points. Graph nodes have only numbers."""
         return ()
+
+    @property
+    def performed_parts(self) -> tuple[str, ...]:
+        """The takes of the parts that were performed one by one, in their order. Empty for other rigs."""
+        return ()
+
+    def find_skeleton(self) -> Skeleton | None:
+        """Returns the skeleton that moves the character, or None if it has none."""
+        return None
 
     @property
     def keyable(self) -> int:

@@ -86,6 +86,10 @@ class RiggedCharacter(RigBase):
         """The names of its joints."""
         return self.skeleton.names
 
+    def find_skeleton(self) -> Skeleton:
+        """Returns the skeleton."""
+        return self.skeleton
+
     @property
     def keyable(self) -> int:
         """The number of bones."""

@@ -80,13 +80,14 @@ def sample_performance(
     if end is None:
         end, rate = _find_loop_end_and_rate(project, rig, start, rate)
     times = frame_times(start, end, rate, rig.id)
-    if keyed and isinstance(rig, RiggedCharacter):
-        times = _add_key_times(project, rig, times)
+    keyed_shape = rig if keyed and isinstance(rig, RiggedCharacter) else None
+    if keyed_shape is not None:
+        times = _add_key_times(project, keyed_shape, times)
     performance = _SAMPLER_BY_RIG.get(rig.kind, _sample_graph)(
         project, rig, times, how, settings or BakeSettings()
     )
-    if keyed and isinstance(rig, RiggedCharacter):
-        performance = replace(performance, cubic=find_file_keys(project, rig, performance, start))
+    if keyed_shape is not None:
+        performance = replace(performance, cubic=find_file_keys(project, keyed_shape, performance, start))
     return performance
 
 

@@ -129,6 +129,24 @@ class RigEdits(ABC):
         keys of the handle."""
         return None
 
+    def find_keyable(self, character: Any, handle: int | str, /) -> int:
+        """Returns the number of a bone or node that can have keys.
+
+        Raises:
+            InputError: if the handle does not exist, or if the rig's handles cannot have keys.
+        """
+        if isinstance(handle, str) or not 0 <= handle < character.keyable:
+            count = character.keyable
+            remedy = (
+                f"The nodes are numbered from 0. Number of nodes: {count}."
+                if count
+                else "Set keys for the whole character instead."
+            )
+            raise InputError(
+                f"node {handle!r} does not exist or cannot have keys", where=character.where, remedy=remedy
+            )
+        return handle
+
     def with_key_layer(self, project: Project, character: Any, handle: int, key: MotionKey, /) -> Project:
         """Adds the first key of a handle or node: a new take, and a layer that plays it on top of all
         others."""

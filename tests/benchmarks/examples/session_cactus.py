@@ -38,6 +38,7 @@ from enliven.recording import Recorder
 from enliven.samples.shipped import load_sample
 from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 Actions = Iterator[Action]
@@ -234,7 +235,7 @@ def _pose_puppet(workspace: Workspace) -> Actions:
     """Poses the puppet like the performer at the first suggested time: the arms, then the head."""
     yield Click(Widget("suggested 1"))
     yield Wait(0.9)
-    puppet, key = workspace.puppets.puppet, workspace.puppets.key
+    puppet, key = get_puppet_editor(workspace.editor).puppet, get_puppet_editor(workspace.editor).key
     assert puppet is not None and key is not None
     take = workspace.editor.project.takes[key.take]
     meant = _compute_meant(workspace, key.time)
@@ -242,7 +243,7 @@ def _pose_puppet(workspace: Workspace) -> Actions:
         wanted = meant.get(_find_role(point.joint))
         if wanted is None or np.linalg.norm((key.places[number] - wanted)[:2]) < 0.03:
             continue
-        standing = workspace.puppets.stage.find(CACTUS)
+        standing = get_puppet_editor(workspace.editor).stage.find(CACTUS)
         assert standing is not None
         yield Drag((OnPuppet(CACTUS, point=number), _edit_spot(standing.to_world(wanted[None])[0])), 0.8)
     assert isinstance(take, Clip)

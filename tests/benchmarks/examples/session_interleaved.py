@@ -37,6 +37,7 @@ from studio_driver import (
 
 from enliven.arrays import Float
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 Actions = Iterator[Action]
@@ -90,7 +91,7 @@ def interleaved(workspace: Workspace, folder: Path) -> Actions:
 
 
 def _sitting(workspace: Workspace, edge: RealEdge) -> Actions:
-    perform = workspace.perform
+    perform = workspace.state(PerformSession)
     yield Key("1")
     yield Wait(0.6)
     yield Say("Sketch a creature")
@@ -130,7 +131,7 @@ def _sitting(workspace: Workspace, edge: RealEdge) -> Actions:
 
 def joined(workspace: Workspace, edge: RealEdge) -> Actions:
     """Connects the window to the edge with a person in view."""
-    perform = workspace.perform
+    perform = workspace.state(PerformSession)
     yield Say("Somebody stands before a camera: go there")
     yield Key("ctrl+1")
     yield Wait(0.4)
@@ -145,7 +146,7 @@ def joined(workspace: Workspace, edge: RealEdge) -> Actions:
 def recorded(workspace: Workspace, name: str, parts: str, seconds: float = 4.5) -> Actions:
     """Possesses a character with parts of the body, by their key, and records. The recording must contain
     motion."""
-    perform, editor = workspace.perform, workspace.editor
+    perform, editor = workspace.state(PerformSession), workspace.editor
     yield Key("r")
     yield Key(parts)
     yield from at_rest(workspace)
@@ -217,6 +218,6 @@ def typed(text: str) -> Actions:
 
 def at_rest(workspace: Workspace) -> Actions:
     """Waits until the performer has begun to stand still with lifted arms."""
-    recorder = workspace.perform.recording.recorder
+    recorder = workspace.state(PerformSession).recording.recorder
     second = lambda: ((recorder.newest_ns or 0) * 1e-9 - 1.0) % LENGTH  # noqa: E731
     yield from until(lambda: 0.4 < second() < 1.5, "the performer at rest")

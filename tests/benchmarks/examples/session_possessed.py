@@ -20,6 +20,7 @@ from studio_driver import Action, Click, Do, Drag, Key, Name, Near, Say, Spot, W
 from enliven.arrays import Float
 from enliven.document import GraphCharacter
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.workspace.files import add_sample
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -76,7 +77,7 @@ def _sitting(workspace: Workspace, edge: RealEdge) -> Actions:
     yield from _seat_cactus(workspace)
     yield Say("Perform again, on what came of the two")
     yield Key("ctrl+enter")
-    states = workspace.perform.sender.states
+    states = workspace.state(PerformSession).sender.states
     yield from until(lambda: states.get("chair") == "on the stage", "it on the stage")
     yield Key("ctrl+1")
     yield Key("home")

@@ -15,8 +15,8 @@ from enliven_viewer.playback.timeline import CueFrame
 from enliven_viewer.render.materials.paint import linear_from_srgb
 from enliven_viewer.render.overlay.marks import CUE_TINT, make_cue_rows
 from enliven_viewer.render.scene import SceneCharacter
+from enliven_viewer.studio.app.workspace_tabs import WORKSPACES
 from enliven_viewer.studio.features.perform.actions import PERFORM_ACTIONS
-from enliven_viewer.studio.features.perform.session import WORKSPACES
 from enliven_viewer.theme import PERFORMER_COLOURS
 
 

@@ -25,6 +25,7 @@ from enliven_edge.settings import WireSettings
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 STEP = 33_333_333
@@ -62,7 +63,7 @@ class House:
         self.edge = Edge(self.person, Tracker(), Stage([self.actor]), outlet)
         self.workspace = Workspace(Editor(project=project_of_mesh(mesh, "chair")), folder)
         self.workspace.editor.select_only("chair")
-        self.session = self.workspace.perform
+        self.session = self.workspace.state(PerformSession)
         self.session.active_workspace = "Perform"
         self.session.connect(str(outlet.publisher.endpoint))
 

@@ -184,14 +184,15 @@ def test_the_motion_of_a_scanned_mesh_is_on_that_mesh(session: PerformSession) -
 def test_waiting_samples_are_put_on_the_stage(session: PerformSession, tmp_path: Path) -> None:
     """One sample was opened before the stage connected, and one afterwards."""
     later = Workspace.new(Editor(), tmp_path / "own")
+    perform = later.state(PerformSession)
     later.editor.edit("a chair", lambda project: make_puppet(project, load_sample("lamp"), "chair"))
     assert later.actions.do("sample.chair")
-    assert later.editor.selection.character == "chair 2" and later.perform.active_workspace == "Perform"
+    assert later.editor.selection.character == "chair 2" and later.tabs.active == "Perform"
     assert later.editor.project.graph("chair 2").mesh is not None, "nothing has to be prepared"
     assert session.client is not None
-    later.perform.connect(str(session.client.edges[0].endpoint))
-    until(later.perform, lambda: "chair 2" in later.perform.stage_ids)
-    assert later.perform.target == "chair 2", "Possess means it"
+    perform.connect(str(session.client.edges[0].endpoint))
+    until(perform, lambda: "chair 2" in perform.stage_ids)
+    assert perform.target == "chair 2", "Possess means it"
     assert later.actions.do("sample.chair")
-    until(later.perform, lambda: "chair 3" in later.perform.stage_ids)
-    later.perform.disconnect()
+    until(perform, lambda: "chair 3" in perform.stage_ids)
+    perform.disconnect()

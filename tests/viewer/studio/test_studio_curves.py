@@ -28,6 +28,7 @@ from enliven_viewer.studio.app.time_axis import TimeAxis
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.animation.curve_input import CurveInput
 from enliven_viewer.studio.features.animation.curve_scale import Scale
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.viewport.overlay import Disc
 from enliven_viewer.studio.workspace.key_commands import KeyCommands
 
@@ -42,7 +43,7 @@ def desk(rig: str, handle: int | None = BONE, keyed: bool = False) -> tuple[Edit
             project = set_key(project, name, BONE, frame * KEY_STEP, degrees)
     editor = Editor(project=project)
     if rig == "points":
-        editor.motion_solver.settle(project, name)
+        get_puppet_editor(editor).motion_solver.settle(project, name)
     editor.select_only(name, handle if rig != "graph" else None)
     curves = CurveInput(editor, TimeAxis(editor))
     curves.toggle()
@@ -249,7 +250,7 @@ def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) 
     np.testing.assert_allclose(after - before, np.broadcast_to(key.metres, after.shape), atol=1e-6)
     np.testing.assert_allclose(start, compute_vertices(WORLDS[rig][0], name, 0.0), atol=1e-6)
     if rig == "points":
-        editor.motion_solver.settle(editor.project, name)
+        get_puppet_editor(editor).motion_solver.settle(editor.project, name)
     seen = editor.stage_character(name).vertices  # a puppet's surface is solved in the background
     if rig != "points":
         np.testing.assert_allclose(seen, after, atol=1e-5)

@@ -49,9 +49,16 @@ from enliven_viewer.studio.puppets.example_edits import (
     with_setting,
 )
 from enliven_viewer.studio.puppets.motion_solver import MotionSolver
+from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor, get_puppet_editor
 from enliven_viewer.studio.toasts import Toasts
+from enliven_viewer.studio.workspace.workspace import Workspace
 
 NAMES = ("head", "left", "right", "foot")
+
+
+def find_puppets(workspace: Workspace) -> PuppetEditor:
+    """Returns the puppet editor of a workspace."""
+    return get_puppet_editor(workspace.editor)
 
 
 def posed(times: tuple[float, ...] = (0.0, 0.75, 2.25), take: str = "sway") -> Project:
@@ -264,7 +271,9 @@ def test_a_click_on_a_joint_pairs_it_with_the_chosen_point(tmp_path) -> None:
     assert workspace.editor.project.puppets["star"].points[0].joint == "bone 3"
     workspace.editor.select_only("star", None)
     view.pair("bone 2")
-    assert workspace.puppets.point == 2, "without a chosen point the one that follows the joint is chosen"
+    assert find_puppets(workspace).point == 2, (
+        "without a chosen point the one that follows the joint is chosen"
+    )
 
 
 def test_both_views_turn_together_until_they_are_parted(tmp_path) -> None:
@@ -299,7 +308,7 @@ def test_the_performer_looks_where_the_mesh_looks_whatever_its_yaw(tmp_path) -> 
 def test_the_first_take_that_is_shown_is_played_and_others_are_only_shown(tmp_path) -> None:
     workspace, _ = studio(tmp_path, *NAMES)
     view = workspace.state(PerformerView)
-    assert view.take is None and view.figure() is None and workspace.puppets.moment is None
+    assert view.take is None and view.figure() is None and find_puppets(workspace).moment is None
     view.show("sway")
     view.show("walk")
     puppet = workspace.editor.project.puppets["star"]
@@ -316,13 +325,13 @@ def test_key_poses_are_begun_and_edited_at_their_moment(tmp_path) -> None:
     workspace.state(KeyPoseNavigator).begin("sway", 0.61)
     workspace.state(KeyPoseNavigator).begin("sway", 1.5)
     times = [pose.time for pose in workspace.editor.project.puppets["star"].poses]
-    assert times == [pytest.approx(18 / 30), pytest.approx(1.5)] and workspace.puppets.number == 1
+    assert times == [pytest.approx(18 / 30), pytest.approx(1.5)] and find_puppets(workspace).number == 1
     assert workspace.input.tool.name == "puppet" and workspace.editor.time == pytest.approx(1.9)
     workspace.state(KeyPoseNavigator).edit(0)
-    assert workspace.puppets.number == 0 and workspace.editor.time == pytest.approx(1.0)
+    assert find_puppets(workspace).number == 0 and workspace.editor.time == pytest.approx(1.0)
     assert workspace.state(PerformerView).moment == ("sway", pytest.approx(18 / 30))
     workspace.state(KeyPoseNavigator).begin("sway", 1.5)
-    assert workspace.puppets.number == 1 and len(workspace.editor.project.puppets["star"].poses) == 2
+    assert find_puppets(workspace).number == 1 and len(workspace.editor.project.puppets["star"].poses) == 2
 
 
 def test_a_puppet_that_is_out_of_the_picture_is_brought_in_to_be_posed(tmp_path) -> None:
@@ -337,7 +346,7 @@ def test_a_puppet_that_is_out_of_the_picture_is_brought_in_to_be_posed(tmp_path)
     editor.advance(10.0)
     workspace.state(KeyPoseNavigator).edit(0)
     editor.advance(10.0)
-    pixels = editor.lens.project(workspace.puppets.stage.find("star").vertices)[0]
+    pixels = editor.lens.project(find_puppets(workspace).stage.find("star").vertices)[0]
     assert ((pixels >= 0) & (pixels <= editor.size)).all()
 
 

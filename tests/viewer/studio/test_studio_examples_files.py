@@ -22,10 +22,16 @@ from enliven.meshes.files import save_mesh
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.puppet.poses import add_key_pose
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor, get_puppet_editor
 from enliven_viewer.studio.workspace.exporting import export
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 NAMES = ("head", "left", "right", "foot")
+
+
+def find_puppets(workspace: Workspace) -> PuppetEditor:
+    """Returns the puppet editor of a workspace."""
+    return get_puppet_editor(workspace.editor)
 
 
 @pytest.fixture
@@ -53,7 +59,7 @@ def test_a_mesh_without_a_rig_opens_as_a_puppet_that_stands(
     raised = Mesh(np.add(star().vertices, [0.3, 2.0, 0.1]), star().faces, "star")
     save_mesh(raised, tmp_path / f"star{ending}")
     workspace.open(tmp_path / f"star{ending}")
-    puppet = workspace.puppets.puppet
+    puppet = find_puppets(workspace).puppet
     assert puppet is not None and puppet.id == "star" and not workspace.editor.project.shapes
     assert puppet.mesh.vertices[:, 1].min() == pytest.approx(0.0, abs=1e-6)
     assert np.ptp(puppet.mesh.vertices[:, 1]) == pytest.approx(np.ptp(star().vertices[:, 1]), rel=1e-4)
@@ -66,7 +72,7 @@ def test_a_mesh_in_millimetres_gets_its_size_in_metres_with_a_note(workspace: Wo
     save_mesh(Mesh(1000.0 * star().vertices, star().faces, "star"), tmp_path / "star.ply")
     workspace.open(tmp_path / "star.ply")
     tall = np.ptp(star().vertices[:, 1])
-    assert np.ptp(workspace.puppets.puppet.mesh.vertices[:, 1]) == pytest.approx(tall)
+    assert np.ptp(find_puppets(workspace).puppet.mesh.vertices[:, 1]) == pytest.approx(tall)
     assert "read in millimetres" in said(workspace)
 
 
@@ -102,7 +108,8 @@ def test_session_is_saved_and_opens_next_to_the_others(tmp_path) -> None:
     workspace.open(tmp_path / "star.toml")
     project = workspace.editor.project
     assert (
-        list(project.puppets) == ["star", "star 2"] and workspace.puppets.puppet is project.puppets["star 2"]
+        list(project.puppets) == ["star", "star 2"]
+        and find_puppets(workspace).puppet is project.puppets["star 2"]
     )
     first, second = (evaluate_state(project, project.puppets[name], 1.1) for name in ("star", "star 2"))
     np.testing.assert_allclose(second.places, first.places, atol=1e-6)

@@ -24,10 +24,16 @@ from enliven_viewer.studio.app.time_axis import LABEL_WIDTH, RULER_HEIGHT
 from enliven_viewer.studio.features.timeline.layout import Lane, TimelineLayout
 from enliven_viewer.studio.features.timeline.puppet_lanes import PuppetDetails
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
+from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor, get_puppet_editor
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 NAMES = ("head", "left", "right", "foot")
 SWITCHES = (Switch(0, "contact"), Switch(30, "flight"), Switch(60, "contact"))
+
+
+def find_puppets(workspace: Workspace) -> PuppetEditor:
+    """Returns the puppet editor of a workspace."""
+    return get_puppet_editor(workspace.editor)
 
 
 def posed(times: tuple[float, ...], **changes) -> Project:
@@ -126,12 +132,12 @@ def test_dragging_a_diamond_retimes_its_key_pose_as_one_edit_and_a_click_opens_i
     x = lanes.find_x(row, 0.75)
     drag(workspace, (x, middle(row)), lanes.find_x(row, 1.2))
     assert workspace.editor.project.puppets["star"].poses[1].time == pytest.approx(1.2, abs=0.02)
-    assert workspace.editor.history.names[-1] == "retime a key pose" and not workspace.puppets.is_posing
+    assert workspace.editor.history.names[-1] == "retime a key pose" and not find_puppets(workspace).is_posing
     workspace.editor.undo()
     assert workspace.editor.project.puppets["star"].poses[1].time == 0.75
     timeline.press(x, middle(row))
     timeline.release(x)
-    assert workspace.puppets.number == 1 and workspace.editor.time == pytest.approx(1.25)
+    assert find_puppets(workspace).number == 1 and workspace.editor.time == pytest.approx(1.25)
 
 
 def test_bars_are_moved_stretched_and_muted(tmp_path) -> None:
@@ -204,12 +210,12 @@ def test_a_click_on_a_suggestion_begins_a_key_pose_there(tmp_path) -> None:
     timeline.press(x, middle(row))
     timeline.release(x)
     poses = workspace.editor.project.puppets["star"].poses
-    assert len(poses) == 2 and poses[1].time == pytest.approx(second) and workspace.puppets.number == 1
+    assert len(poses) == 2 and poses[1].time == pytest.approx(second) and find_puppets(workspace).number == 1
 
 
 def test_the_found_contacts_are_shown_as_soon_as_it_moves(tmp_path) -> None:
     workspace = desk_with(tmp_path, posed((0.0, 0.75, 2.25)))
-    workspace.editor.motion_solver.settle(workspace.editor.project, "star")
+    find_puppets(workspace).motion_solver.settle(workspace.editor.project, "star")
     lanes = workspace.state(TimelineInput).layout
     bands = workspace.state(TimelineInput).rows.details.bands(lanes, row_of(lanes, "band"))
     assert bands and bands[0][0].frame == 0
@@ -222,7 +228,7 @@ def test_a_scrub_ends_in_the_surface_that_its_time_has_whatever_came_before(tmp_
     scrubbed, fresh = desk_with(tmp_path / "one", project), desk_with(tmp_path / "other", project)
     timeline, layout = scrubbed.state(TimelineInput), scrubbed.state(TimelineInput).layout
     for each in (scrubbed, fresh):
-        each.editor.motion_solver.settle(project, "star")
+        get_puppet_editor(each.editor).motion_solver.settle(project, "star")
     timeline.press(layout.x(0.1), RULER_HEIGHT / 2)
     for time in (0.4, 1.9, 0.2, 2.2, 1.1):
         timeline.drag(layout.x(time))

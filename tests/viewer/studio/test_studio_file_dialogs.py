@@ -13,8 +13,8 @@ import pytest
 from PIL import Image
 
 from enliven.errors import InputError
+from enliven_viewer.studio.app.file_browser import FileBrowser, list_places
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.workspace.file_browser import FileBrowser, list_places
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 

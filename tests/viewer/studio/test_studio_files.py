@@ -27,8 +27,8 @@ from enliven.exporters.sampling import sample_performance
 from enliven.mapping.model_clips import find_played_clip, play_own_clip
 from enliven.modeling.edits import rename_character
 from enliven.motion.layers.evaluate import Player
+from enliven_viewer.studio.app.file_browser import FileBrowser
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.workspace.file_browser import FileBrowser
 from enliven_viewer.studio.workspace.project_store import ProjectStore
 from enliven_viewer.studio.workspace.workspace import Workspace
 

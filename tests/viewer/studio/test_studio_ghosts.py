@@ -34,6 +34,7 @@ from enliven_viewer.studio.features.animation.ghost_times import choose_ghost_ti
 from enliven_viewer.studio.features.animation.ghosts import Ghosts
 from enliven_viewer.studio.features.animation.motion_samples import smooth_normals
 from enliven_viewer.studio.features.animation.trail_points import find_far_ends
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.viewport.overlay import Overlay
 from enliven_viewer.studio.viewport.viewport import Viewport
 from enliven_viewer.theme import FUTURE_POSE, PAST_POSE
@@ -46,7 +47,7 @@ def desk(rig: str, time: float = 0.8) -> tuple[Editor, Ghosts, str]:
     project = change_layers(project, name, range(len(project.characters[name].playing)), offset=0.0)
     editor = Editor(project=project)
     if rig == "points":
-        editor.motion_solver.settle(project, name)
+        get_puppet_editor(editor).motion_solver.settle(project, name)
     editor.select_only(name)
     editor.time = time
     ghosts = Ghosts(editor)
@@ -87,7 +88,7 @@ def test_trails_go_through_where_its_ends_were_and_follow_an_edit(rig: str) -> N
     for offset in (0.0, 1.5):
         if offset:
             editor.edit("move", lambda project, by=offset: move_character(project, name, [by, 0.0, 0.0]))
-            editor.motion_solver.settle(editor.project, name) if rig == "points" else None
+            get_puppet_editor(editor).motion_solver.settle(editor.project, name) if rig == "points" else None
             ghosts.settle()
         sampled = ghosts._samples[name]
         for frame in (sampled.request.first, sampled.request.last):
@@ -155,7 +156,7 @@ def test_ghosts_stand_at_the_keys_of_what_is_chosen_of_every_rig(rig: str, handl
     assert number is not None
     editor.edit("keys", lambda _: project)
     if rig == "points":
-        editor.motion_solver.settle(editor.project, name)
+        get_puppet_editor(editor).motion_solver.settle(editor.project, name)
     for chosen in ({"handle": handle}, {"layer": number}):
         editor.select_only(name)
         editor.select(**chosen)

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from in_a_window import in_a_window
 
+from enliven_viewer.studio.app.workspace_tabs import WORKSPACES
 from enliven_viewer.studio.features.paint.paint_tool import PaintTool
-from enliven_viewer.studio.features.perform.session import WORKSPACES
 from enliven_viewer.studio.tools.registry import TOOLS
 
 pytestmark = pytest.mark.slow

@@ -12,6 +12,7 @@ from enliven.document.rigged import still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.modeling.edits import scale_character
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.editor.path_framing import frame_path
 from enliven_viewer.studio.viewport.overlay import Overlay
 from enliven_viewer.studio.viewport.selection import Selection
 from enliven_viewer.studio.viewport.skeletons import make_skeleton_rows
@@ -81,7 +82,7 @@ def test_a_joint_far_off_the_surface_moves_no_camera(make_limb, tmp_path: Path) 
     editor = Editor(project=Project().with_characters(stray))
     editor.frame_all()
     all_of_it = editor.camera.goal[5]
-    editor.frame_path()
+    frame_path(editor)
     assert all_of_it < 5.0 and editor.camera.goal[5] < 5.0
 
 

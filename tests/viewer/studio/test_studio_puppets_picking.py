@@ -17,6 +17,7 @@ from enliven.modeling.puppet.poses import set_symmetry
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.puppets.gizmo import ARROW_LENGTH_PX, GIZMO_PARTS, Gizmo
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.puppets.symmetry import find_partner_vertex, mirror_places
 from enliven_viewer.studio.viewport.picking import find_joint_at, find_surface_at
 from enliven_viewer.studio.viewport.ray import NEAREST, find_first_hit, find_hit_vertex
@@ -90,7 +91,7 @@ def test_a_puppet_is_picked_where_it_stands(name: str) -> None:
     editor = editor_with()
     turn = from_rotation_vector(np.array([0.0, 0.7, 0.0]))
     editor.edit("away", lambda p: turn_character(move_character(p, "star", [0.6, 0.2, -0.3]), "star", turn))
-    standing = editor.puppets.stage_puppets[0]
+    standing = get_puppet_editor(editor).stage_puppets[0]
     middle = standing.vertices.mean(0)
     place = standing.vertices[vertex(name)] * 0.93 + middle * 0.07
     hit = find_surface_at(editor.stage_characters, editor.lens, pixel_of(editor, place))
@@ -104,7 +105,7 @@ def test_points_are_transformed_into_the_mesh_and_back() -> None:
     editor = editor_with("head")
     turn = from_rotation_vector(np.array([0.3, 0.7, -0.2]))
     editor.edit("away", lambda p: turn_character(move_character(p, "star", [0.6, 0.2, -0.3]), "star", turn))
-    standing = editor.puppets.stage_puppets[0]
+    standing = get_puppet_editor(editor).stage_puppets[0]
     assert np.allclose(standing.to_mesh(standing.vertices), star().vertices)
     assert np.allclose(
         standing.vertices, convert_to_world_frame(standing.character, standing.state, star().vertices)
@@ -115,7 +116,7 @@ def test_points_are_transformed_into_the_mesh_and_back() -> None:
 
 def test_the_point_under_the_pointer_is_found_and_of_two_the_one_before() -> None:
     editor = editor_with("head", "left")
-    standing, lens = editor.puppets.stage_puppets[0], editor.lens
+    standing, lens = get_puppet_editor(editor).stage_puppets[0], editor.lens
     x, y = pixel_of(editor, standing.handles[1])
     hit = find_joint_at([standing], lens, (x + 5, y - 5), 11.0)
     assert hit is not None and hit.handle == 1

@@ -30,7 +30,13 @@ from enliven.modeling.puppet.points import add_point, change_point
 from enliven.modeling.puppet.poses import add_key_pose
 from enliven_viewer.studio.features.puppets.puppet_commands import PuppetCommands
 from enliven_viewer.studio.features.puppets.puppet_tool import PuppetTool
+from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor, get_puppet_editor
 from enliven_viewer.studio.workspace.workspace import Workspace
+
+
+def find_puppets(workspace: Workspace) -> PuppetEditor:
+    """Returns the puppet editor of a workspace."""
+    return get_puppet_editor(workspace.editor)
 
 
 def tool_of(workspace: Workspace) -> PuppetTool:
@@ -41,7 +47,7 @@ def tool_of(workspace: Workspace) -> PuppetTool:
 
 def two_poses(workspace: Workspace) -> None:
     """Returns the selected star's first two key poses: at rest, and bent to its left."""
-    rest = workspace.puppets.puppet.rest
+    rest = find_puppets(workspace).puppet.rest
     bent = rest + np.linspace(0.0, 0.3, len(rest))[::-1, None] * [1.0, 0.3, 0.0]
     for time, places in ((0.0, rest), (0.8, bent)):
         workspace.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "star", "sway", t, q))
@@ -54,20 +60,20 @@ def bad(workspace: Workspace) -> list[str]:
 def test_clicks_put_control_points_and_a_drag_makes_a_key_pose(tmp_path) -> None:
     workspace, stage = studio(tmp_path, take="sway")
     hands = [OnPuppet("star", vertex(name)) for name in ("left", "right", "head")]
-    tool_of(workspace).suggested.suggest_vertices(workspace.puppets.puppet)
+    tool_of(workspace).suggested.suggest_vertices(find_puppets(workspace).puppet)
     tool_of(workspace).suggested.wait()  # ends are on the silhouette, so their rings can be clicked
     play([*(Click(hand) for hand in hands), Do(lambda d: d.editor.scrub(1.0))], stage)
-    puppet = workspace.puppets.puppet
+    puppet = find_puppets(workspace).puppet
     assert [np.linalg.norm(puppet.rest[k] - star().vertices[h.vertex]) < 0.03 for k, h in enumerate(hands)]
-    assert workspace.puppets.point == 2 and not workspace.puppets.is_posing
+    assert find_puppets(workspace).point == 2 and not find_puppets(workspace).is_posing
     start = OnPuppet("star", point=0)
     play([Drag((start, Near(start, -10, -90)))], stage)
-    puppet = workspace.puppets.puppet
-    assert workspace.puppets.number == 0 and puppet.poses[0].time == pytest.approx(1.0)
+    puppet = find_puppets(workspace).puppet
+    assert find_puppets(workspace).number == 0 and puppet.poses[0].time == pytest.approx(1.0)
     assert puppet.poses[0].places[0][1] > puppet.rest[0][1] + 0.1
     assert np.array_equal(puppet.poses[0].places[1:], puppet.rest[1:])
     play([Key("enter")], stage)
-    assert not workspace.puppets.is_posing and not bad(workspace)
+    assert not find_puppets(workspace).is_posing and not bad(workspace)
 
 
 def test_arrows_move_along_their_axis(tmp_path) -> None:
@@ -79,7 +85,7 @@ def test_arrows_move_along_their_axis(tmp_path) -> None:
     assert manipulator is not None
     tip = manipulator.place + np.array([0.0, 60.0, 0.0]) * manipulator.pixel
     play([Drag((Spot(*tip), Near(Spot(*tip), 12, -60)))], stage)
-    way = workspace.puppets.places[1] - workspace.puppets.puppet.rest[1]
+    way = find_puppets(workspace).places[1] - find_puppets(workspace).puppet.rest[1]
     assert way[1] > 0.05 and way[0] == way[2] == 0.0
 
 
@@ -87,30 +93,36 @@ def test_escape_goes_back_step_by_step_and_loses_nothing(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head", "left", take="sway")
     start = OnPuppet("star", point=1)
     play([Drag((start, Near(start, 0, -60)))], stage)
-    kept = workspace.puppets.puppet.poses
+    kept = find_puppets(workspace).puppet.poses
     user_input = workspace.input
-    at = workspace.editor.lens.project(workspace.puppets.stage_puppets[0].handles)[0][1]
+    at = workspace.editor.lens.project(find_puppets(workspace).stage_puppets[0].handles)[0][1]
     user_input.press((at[0], at[1]))
     user_input.move((at[0] + 40, at[1]))
-    assert workspace.puppets.is_dragging
+    assert find_puppets(workspace).is_dragging
     user_input.key("escape")
-    assert not workspace.puppets.is_dragging and are_identical(workspace.puppets.puppet.poses, kept)
+    assert not find_puppets(workspace).is_dragging and are_identical(
+        find_puppets(workspace).puppet.poses, kept
+    )
     user_input.move((at[0] + 80, at[1]))
     user_input.release((at[0] + 80, at[1]))
-    assert are_identical(workspace.puppets.puppet.poses, kept), "what was dropped stays dropped"
+    assert are_identical(find_puppets(workspace).puppet.poses, kept), "what was dropped stays dropped"
     user_input.key("escape")
-    assert workspace.puppets.point is None and workspace.puppets.is_posing
+    assert find_puppets(workspace).point is None and find_puppets(workspace).is_posing
     user_input.key("escape")
-    assert not workspace.puppets.is_posing and are_identical(workspace.puppets.puppet.poses, kept)
+    assert not find_puppets(workspace).is_posing and are_identical(find_puppets(workspace).puppet.poses, kept)
 
 
 def test_another_tool_keeps_the_key_pose(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head", "left", take="sway")
     start = OnPuppet("star", point=1)
     play([Drag((start, Near(start, 0, -60)))], stage)
-    kept = workspace.puppets.puppet
+    kept = find_puppets(workspace).puppet
     play([Key("q")], stage)
-    assert not workspace.puppets.is_posing and workspace.puppets.puppet is kept and len(kept.poses) == 1
+    assert (
+        not find_puppets(workspace).is_posing
+        and find_puppets(workspace).puppet is kept
+        and len(kept.poses) == 1
+    )
 
 
 def test_keys_nudge_reset_and_remove_the_chosen_point(tmp_path) -> None:
@@ -118,16 +130,16 @@ def test_keys_nudge_reset_and_remove_the_chosen_point(tmp_path) -> None:
     play([Click(OnPuppet("star", point=1)), Do(lambda d: d.puppets.begin_pose("sway", 0.5))], stage)
     time = workspace.editor.time
     play([Key("up"), Key("shift+up")], stage)
-    rise = workspace.puppets.places[1][1] - workspace.puppets.puppet.rest[1][1]
+    rise = find_puppets(workspace).places[1][1] - find_puppets(workspace).puppet.rest[1][1]
     pixel = tool_of(workspace).manipulator().pixel
     assert rise == pytest.approx(11 * pixel, rel=0.1) and workspace.editor.time == time
     play([Key("r")], stage)
     assert (
-        np.allclose(workspace.puppets.places[1], workspace.puppets.puppet.rest[1])
+        np.allclose(find_puppets(workspace).places[1], find_puppets(workspace).puppet.rest[1])
         and workspace.input.tool.name == "puppet"
     )
     play([Key("delete")], stage)
-    assert [point.name for point in workspace.puppets.puppet.points] == ["head", "foot"]
+    assert [point.name for point in find_puppets(workspace).puppet.points] == ["head", "foot"]
     play([Key("enter"), Key("right")], stage)
     assert workspace.editor.time > time, "with nothing in the hand the arrows go through time"
 
@@ -138,56 +150,61 @@ def test_dragging_the_mesh_turns_the_view_and_puts_no_point(tmp_path) -> None:
     belly = Spot(0.0, 0.5, 0.0)
     play([Drag((belly, Near(belly, 120, 10)))], stage)
     workspace.editor.advance(5.0)
-    assert len(workspace.puppets.puppet.points) == 1
+    assert len(find_puppets(workspace).puppet.points) == 1
     assert np.linalg.norm(workspace.editor.lens.view.eye - before) > 0.2
 
 
 def test_suggested_ends_are_clicked_nearly(tmp_path) -> None:
     workspace, stage = studio(tmp_path)
     tool = tool_of(workspace)
-    tool.suggested.suggest_vertices(workspace.puppets.puppet)
+    tool.suggested.suggest_vertices(find_puppets(workspace).puppet)
     tool.suggested.wait()
-    ends = tool.suggested.suggest_vertices(workspace.puppets.puppet)
+    ends = tool.suggested.suggest_vertices(find_puppets(workspace).puppet)
     assert len(ends) >= 5
     play([Click(Near(OnPuppet("star", ends[0]), 4, -3))], stage)
-    assert workspace.puppets.puppet.points[0].vertex == ends[0]
-    assert ends[0] not in tool.suggested.suggest_vertices(workspace.puppets.puppet)
+    assert find_puppets(workspace).puppet.points[0].vertex == ends[0]
+    assert ends[0] not in tool.suggested.suggest_vertices(find_puppets(workspace).puppet)
 
 
 def test_self_intersections_are_reported_except_at_rest(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head", "left", "right", "foot", "other", take="sway")
     play([Do(lambda d: d.puppets.begin_pose("sway", 0.5))], stage)
-    workspace.puppets.self_intersection.wait()
+    find_puppets(workspace).self_intersection.wait()
     assert workspace.input.tool.warning == ""
-    places = workspace.puppets.puppet.rest.copy()
+    places = find_puppets(workspace).puppet.rest.copy()
     places[1] = [0.3, 0.45, 0.0]
     for share in np.linspace(0.1, 1.0, 10):
-        workspace.puppets.drag(1, (1 - share) * workspace.puppets.puppet.rest[1] + share * places[1])
+        find_puppets(workspace).drag(
+            1, (1 - share) * find_puppets(workspace).puppet.rest[1] + share * places[1]
+        )
         workspace.editor.advance(STEP)
-    workspace.puppets.drop()
+    find_puppets(workspace).drop()
     for _ in range(5):
         workspace.editor.advance(STEP)
-        workspace.puppets.self_intersection.wait()
-    assert "left" in workspace.input.tool.warning and len(workspace.puppets.self_intersection.faces) > 2
+        find_puppets(workspace).self_intersection.wait()
+    assert "left" in workspace.input.tool.warning and len(find_puppets(workspace).self_intersection.faces) > 2
     play([Key("w"), Key("o")], stage)
     assert (
         workspace.input.tool.warning == ""
-        and len(workspace.puppets.self_intersection.faces) == 0
-        and not workspace.puppets.silhouette
+        and len(find_puppets(workspace).self_intersection.faces) == 0
+        and not find_puppets(workspace).silhouette
     )
     play([Key("w"), Key("o"), Key("enter")], stage)
-    assert workspace.puppets.warn and workspace.puppets.silhouette
-    assert workspace.input.tool.warning == "" and len(workspace.puppets.self_intersection.faces) == 0
+    assert find_puppets(workspace).warn and find_puppets(workspace).silhouette
+    assert workspace.input.tool.warning == "" and len(find_puppets(workspace).self_intersection.faces) == 0
 
 
 def test_a_puppet_is_moved_turned_copied_and_deleted_as_other_shapes(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head", take="sway")
     belly = OnPuppet("star", int(np.linalg.norm(star().vertices - [0.0, 0.5, 0.2], axis=1).argmin()))
     play([Key("g"), Drag((belly, Near(belly, 90, 0)))], stage)
-    moved = workspace.puppets.puppet.place
+    moved = find_puppets(workspace).puppet.place
     assert np.linalg.norm(moved) > 0.1
     play([Key("r"), Drag((belly, Near(belly, 90, 0)))], stage)
-    assert abs(workspace.puppets.puppet.turn[0]) < 0.999 and workspace.editor.history.undo_name == "turn star"
+    assert (
+        abs(find_puppets(workspace).puppet.turn[0]) < 0.999
+        and workspace.editor.history.undo_name == "turn star"
+    )
     play([Key("ctrl+d"), Key("f")], stage)
     assert (
         list(workspace.editor.project.puppets) == ["star", "star 2"]
@@ -228,28 +245,28 @@ def test_a_puppet_is_made_of_a_shape_which_stays(tmp_path, make_limb) -> None:
 def test_puppet_plays_its_key_poses_and_survives_saving(tmp_path) -> None:
     workspace, _ = studio(tmp_path, "head", "left", "right", "foot", take="sway")
     two_poses(workspace)
-    workspace.editor.motion_solver.settle(workspace.editor.project, "star")
+    find_puppets(workspace).motion_solver.settle(workspace.editor.project, "star")
     seen = []
     for _ in range(12):
         workspace.editor.playing = True
         workspace.editor.advance(0.1)
-        seen.append(workspace.puppets.stage_puppets[0].vertices[vertex("head")])
+        seen.append(find_puppets(workspace).stage_puppets[0].vertices[vertex("head")])
     assert np.ptp(np.array(seen)[:, 0]) > 0.05 and not bad(workspace)
     path = tmp_path / "star.enliven"
     write_project(path, workspace.editor.project)
-    assert are_identical(read_project(path).puppets["star"], workspace.puppets.puppet)
+    assert are_identical(read_project(path).puppets["star"], find_puppets(workspace).puppet)
 
 
 def test_scrubbing_shows_the_same_whatever_came_before(tmp_path) -> None:
     workspace, _ = studio(tmp_path, "head", "left", "right", "foot", take="sway")
     two_poses(workspace)
-    workspace.editor.motion_solver.settle(workspace.editor.project, "star")
+    find_puppets(workspace).motion_solver.settle(workspace.editor.project, "star")
     vertices = []
     for before in (0.0, 2.5):
         workspace.editor.scrub(before)
-        _ = workspace.puppets.stage_puppets
+        _ = find_puppets(workspace).stage_puppets
         workspace.editor.scrub(0.8)
-        vertices.append(workspace.puppets.stage_puppets[0].vertices)
+        vertices.append(find_puppets(workspace).stage_puppets[0].vertices)
     assert are_alike(vertices[0], vertices[1], SOLVER_TOLERANCE)
 
 
@@ -258,18 +275,20 @@ def test_large_mesh_is_prepared_in_the_background(tmp_path, monkeypatch) -> None
     workspace, _ = studio(tmp_path)
     mesh = refine(star(), 0.008)
     assert len(mesh.vertices) > 30_000
-    puppet = workspace.puppets.puppet.with_changes(mesh=mesh)
+    puppet = find_puppets(workspace).puppet.with_changes(mesh=mesh)
     workspace.editor.edit("finer", lambda p: p.with_characters(puppet))
-    assert np.array_equal(workspace.puppets.stage_puppets[0].surface, mesh.vertices)
+    assert np.array_equal(find_puppets(workspace).stage_puppets[0].surface, mesh.vertices)
     assert "takes a moment" in workspace.editor.toasts.shown[-1].text
-    workspace.puppets.add_point(0)
+    find_puppets(workspace).add_point(0)
     for _ in range(2000):
-        if workspace.puppets.stage.surfaces.is_prepared(workspace.puppets.puppet):
+        if find_puppets(workspace).stage.surfaces.is_prepared(find_puppets(workspace).puppet):
             break
         sleep(0.01)
     assert "You can drag" in workspace.editor.toasts.shown[-1].text
-    workspace.puppets.drag(0, mesh.vertices[0] + [0.0, 0.2, 0.0])
-    assert np.allclose(workspace.puppets.stage_puppets[0].surface[0], mesh.vertices[0] + [0.0, 0.2, 0.0])
+    find_puppets(workspace).drag(0, mesh.vertices[0] + [0.0, 0.2, 0.0])
+    assert np.allclose(
+        find_puppets(workspace).stage_puppets[0].surface[0], mesh.vertices[0] + [0.0, 0.2, 0.0]
+    )
 
 
 def test_without_a_puppet_the_tool_does_nothing(tmp_path) -> None:
@@ -290,7 +309,7 @@ def test_stroke_cuts_a_puppet_and_both_parts_keep_moving(tmp_path) -> None:
     play([Key("c"), Drag(stroke)], stage)
     assert len(workspace.editor.project.puppets) == 2, [toast.text for toast in workspace.editor.toasts.shown]
     assert not bad(workspace) and workspace.editor.selection.character in workspace.editor.project.puppets
-    assert len(workspace.puppets.stage_puppets) == 2
+    assert len(find_puppets(workspace).stage_puppets) == 2
     workspace.editor.undo()
     assert list(workspace.editor.project.puppets) == ["star"]
 
@@ -305,7 +324,7 @@ def test_a_puppet_dropped_with_shift_on_another_becomes_one_with_it(tmp_path) ->
     arm = int(np.linalg.norm(star().vertices - [0.3, 0.57, 0.1], axis=1).argmin())
     play([Drag((OnPuppet("star 2", belly), OnPuppet("star", arm)), shift=True)], stage)
     assert list(workspace.editor.project.puppets) == ["star"], [t.text for t in workspace.editor.toasts.shown]
-    assert len(workspace.puppets.puppet.points) >= 8 and not bad(workspace)
+    assert len(find_puppets(workspace).puppet.points) >= 8 and not bad(workspace)
     workspace.editor.undo()
     assert len(workspace.editor.project.puppets) == 2
 
@@ -317,7 +336,7 @@ def test_puppet_is_baked_in_the_background(tmp_path, make_limb) -> None:
     for number, joint in ((0, "root"), (len(mesh.vertices) - 1, "bone 3")):
         workspace.editor.edit("put", lambda p, n=number, j=joint: add_point(p, "post", n, j, joint=j))
     workspace.editor.select_only("post")
-    rest = workspace.puppets.puppet.rest
+    rest = find_puppets(workspace).puppet.rest
     for time, way in ((0.0, 0.0), (0.8, 0.3)):
         places = np.add(rest, [[0.0, 0.0, 0.0], [way, 0.0, 0.0]])
         workspace.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "post", "sway", t, q))
@@ -332,7 +351,7 @@ def test_puppet_is_baked_in_the_background(tmp_path, make_limb) -> None:
     play([Key("ctrl+z")], stage)
     workspace.editor.select_only("post")
     workspace.state(PuppetCommands).bake_puppet()
-    workspace.puppets.add_point(20)
+    find_puppets(workspace).add_point(20)
     workspace.editor.background.finish()
     assert "post" in workspace.editor.project.puppets and "changed while" in bad(workspace)[-1]
 

@@ -16,14 +16,14 @@ from tolerances import SOLVER_TOLERANCE, are_alike
 from enliven.document.project import are_identical
 from enliven.modeling.puppet.poses import add_key_pose, set_symmetry
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor
+from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor, get_puppet_editor
 from enliven_viewer.studio.puppets.symmetry import find_partner_point, find_partner_vertex
 
 
 def posing(*names: str, take: str = "sway") -> PuppetEditor:
     editor = Editor(project=project_with(*names, take=take))
     editor.select_only("star")
-    return editor.puppets
+    return get_puppet_editor(editor)
 
 
 def steps(puppets: PuppetEditor) -> int:

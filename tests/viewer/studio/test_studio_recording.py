@@ -14,6 +14,7 @@ from enliven.formats.project.file import read_project, write_project
 from enliven.wire import BODIES
 from enliven_viewer.link.received_data import ReceivedBodies
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.workspace.project_store import ProjectStore
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -48,7 +49,7 @@ def workspace(tmp_path: Path) -> Workspace:
     """Returns a saved project with a running recording of one second."""
     opened = Workspace.new(Editor(), tmp_path / "recovery")
     opened.store.save(tmp_path / "work.enliven")
-    recording = opened.perform.recording
+    recording = opened.state(PerformSession).recording
     recording.recorder.record(BODIES, frame(0))
     recording.recorder.begin("take 1")
     recording.phase = "recording"
@@ -61,7 +62,7 @@ def frame(number: int) -> ReceivedBodies:
 
 
 def perform(workspace: Workspace, until: int) -> None:
-    recorder = workspace.perform.recording.recorder
+    recorder = workspace.recording.recorder
     begun = recorder.copy_unfinished()
     for number in range(len(begun.frames) if begun else 0, until):
         recorder.record(BODIES, frame(number))
@@ -80,11 +81,11 @@ def test_a_clean_project_asks_while_it_records(workspace: Workspace, tmp_path: P
     workspace.ask(wish)
     assert workspace.asking == "unsaved" and not workspace.ended
     workspace.cancel()
-    assert workspace.perform.recording.phase == "recording", "it went on meanwhile"
+    assert workspace.recording.phase == "recording", "it went on meanwhile"
     workspace.ask(wish)
     workspace.continue_waiting_command(discard=False)
     assert seconds(tmp_path / "work.enliven") > 0.9
-    assert workspace.perform.recording.phase == "idle"
+    assert workspace.recording.phase == "idle"
     assert workspace.ended if wish == "quit" else workspace.store.path is None
 
 
@@ -100,18 +101,18 @@ def test_discarding_drops_the_recording_and_nothing_else(workspace: Workspace, t
     before = (tmp_path / "work.enliven").read_bytes()
     workspace.ask("quit")
     workspace.continue_waiting_command(discard=True)
-    assert workspace.ended and not workspace.perform.recording.recorder.recording
+    assert workspace.ended and not workspace.recording.recorder.recording
     assert (tmp_path / "work.enliven").read_bytes() == before
 
 
 def test_saving_during_a_recording_stores_the_take_so_far(workspace: Workspace, tmp_path) -> None:
     workspace.ask("save")
     first = seconds(tmp_path / "work.enliven")
-    assert first > 0.9 and workspace.perform.recording.phase == "recording" and workspace.store.dirty
+    assert first > 0.9 and workspace.recording.phase == "recording" and workspace.store.dirty
     perform(workspace, 60)
     workspace.ask("save")
     assert seconds(tmp_path / "work.enliven") > first + 0.9
-    workspace.perform.recording.stop()
+    workspace.recording.stop()
     assert workspace.store.dirty
     workspace.ask("save")
     assert not workspace.store.dirty and seconds(tmp_path / "work.enliven") > 1.9
@@ -120,7 +121,7 @@ def test_saving_during_a_recording_stores_the_take_so_far(workspace: Workspace, 
 
 def test_a_recording_that_is_given_up_after_it_was_saved_can_be_saved_away(workspace, tmp_path: Path) -> None:
     workspace.ask("save")
-    workspace.perform.recording.discard()
+    workspace.recording.discard()
     assert workspace.store.dirty, "the file has what the window no longer has"
     workspace.ask("save")
     assert not workspace.store.dirty and not seconds(tmp_path / "work.enliven")
@@ -144,7 +145,7 @@ def test_running_recordings_are_written_for_recovery(workspace: Workspace, tmp_p
 
 def test_a_recovery_file_is_written_before_anything_has_moved(workspace: Workspace, tmp_path: Path) -> None:
     """An empty recording is no risk for the project or the window."""
-    recorder = workspace.perform.recording.recorder
+    recorder = workspace.recording.recorder
     recorder.end()
     recorder.handle_restart()
     recorder.begin("take 1")
@@ -155,7 +156,7 @@ def test_a_recovery_file_is_written_before_anything_has_moved(workspace: Workspa
 
 
 def test_written_take_does_not_change_while_recording_continues(workspace: Workspace) -> None:
-    change, took = workspace.perform.recording.make_unfinished_edit(), []
+    change, took = workspace.recording.make_unfinished_edit(), []
     assert change is not None
     thread = threading.Thread(target=lambda: took.append(change(workspace.editor.project)))
     perform(workspace, 200)

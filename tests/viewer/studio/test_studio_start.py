@@ -18,8 +18,10 @@ from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.overdub.possessed_overdub import has_motion
 from enliven.samples.shipped import load_sample
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.features.tour.card_placement import place_arrow, place_card
 from enliven_viewer.studio.features.tour.chair_legs import find_leg_to_cut, find_legs
+from enliven_viewer.studio.features.tour.feature import TourGuide
 from enliven_viewer.studio.features.tour.tour_steps import ENDING, TOUR_STEPS
 from enliven_viewer.studio.workspace.files import SAMPLES
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -112,20 +114,20 @@ def workspace(tmp_path) -> Workspace:
 
 def test_a_step_goes_on_a_moment_after_its_deed_and_not_by_another(workspace: Workspace) -> None:
     workspace.actions.do("help.tour")
-    tour = workspace.tour
+    tour = workspace.state(TourGuide).tour
     assert tour is not None and tour.number == 0
     workspace.actions.do("view.play")
     workspace.actions.do("sample.cactus")
-    workspace.watch_tour(0.1)
+    workspace.state(TourGuide).check_progress(0.1)
     assert tour.number == 0 and tour.done_display_s == 0.0, "a cactus is no chair"
     workspace.actions.do("sample.chair")
-    workspace.watch_tour(0.1)
+    workspace.state(TourGuide).check_progress(0.1)
     assert tour.number == 0 and tour.done_display_s > 0.0 and not tour.text, "a tick first"
-    workspace.watch_tour(5.0)
-    workspace.watch_tour(0.1)
+    workspace.state(TourGuide).check_progress(5.0)
+    workspace.state(TourGuide).check_progress(0.1)
     assert tour.number == 1 and tour.target.widgets[0] == "recorded person"
-    workspace.perform.active_workspace = "Model"
-    workspace.watch_tour(0.1)
+    workspace.state(PerformSession).active_workspace = "Model"
+    workspace.state(TourGuide).check_progress(0.1)
     assert tour.target.widgets == ("room Perform",), "the way back to where the step goes on"
 
 
@@ -133,53 +135,53 @@ def test_back_shows_a_done_step_and_next_goes_on(workspace: Workspace) -> None:
     workspace.actions.do("help.tour")
     workspace.actions.do("sample.chair")
     for _ in range(3):
-        workspace.watch_tour(2.0)
-    tour = workspace.tour
+        workspace.state(TourGuide).check_progress(2.0)
+    tour = workspace.state(TourGuide).tour
     assert tour is not None and tour.number == 1
     tour.back()
     for _ in range(3):
-        workspace.watch_tour(2.0)
+        workspace.state(TourGuide).check_progress(2.0)
     assert tour.number == 0 and tour.reviewing, "it stays until Next"
     tour.skip()
-    workspace.watch_tour(0.1)
+    workspace.state(TourGuide).check_progress(0.1)
     assert tour.number == 1 and not tour.reviewing
     tour.skip()
-    workspace.watch_tour(0.1)
+    workspace.state(TourGuide).check_progress(0.1)
     assert TOUR_STEPS[tour.number].title == "Take the scissors", "no step is shown that cannot be done"
 
 
 def test_the_tour_is_left_and_resumed_where_that_can_be_done(workspace: Workspace, tmp_path: Path) -> None:
     workspace.actions.do("help.tour")
     workspace.actions.do("sample.chair")
-    workspace.tour.skip()
-    workspace.tour.skip()
-    workspace.watch_tour(0.1)
-    number = workspace.tour.number
-    workspace.end_tour()
-    assert workspace.tour is None and workspace.preferences.toured
+    workspace.state(TourGuide).tour.skip()
+    workspace.state(TourGuide).tour.skip()
+    workspace.state(TourGuide).check_progress(0.1)
+    number = workspace.state(TourGuide).tour.number
+    workspace.state(TourGuide).end()
+    assert workspace.state(TourGuide).tour is None and workspace.preferences.toured
     workspace.actions.do("help.tour")
-    assert workspace.tour.number == number, "in the same window"
+    assert workspace.state(TourGuide).tour.number == number, "in the same window"
     later = Workspace.new(Editor(), tmp_path)
     assert later.preferences.tour_step == number
     later.actions.do("help.tour")
-    assert later.tour.number == 0, "without a chair it begins with one"
+    assert later.state(TourGuide).tour.number == 0, "without a chair it begins with one"
     later.actions.do("help.tour")
-    assert later.tour.number == 0, "begun again while it is taken"
+    assert later.state(TourGuide).tour.number == 0, "begun again while it is taken"
 
 
 def test_the_tour_goes_back_if_what_a_step_needs_is_lost(workspace: Workspace) -> None:
     workspace.actions.do("help.tour")
     workspace.actions.do("sample.chair")
-    workspace.tour.skip()
-    workspace.tour.skip()
-    workspace.watch_tour(0.1)
-    assert workspace.tour.number > 1
+    workspace.state(TourGuide).tour.skip()
+    workspace.state(TourGuide).tour.skip()
+    workspace.state(TourGuide).check_progress(0.1)
+    assert workspace.state(TourGuide).tour.number > 1
     workspace.actions.do("edit.undo")
-    workspace.watch_tour(0.5)
-    assert workspace.tour.number > 1, "not at once"
+    workspace.state(TourGuide).check_progress(0.5)
+    assert workspace.state(TourGuide).tour.number > 1, "not at once"
     for _ in range(6):
-        workspace.watch_tour(0.5)
-    assert workspace.tour.number == 0
+        workspace.state(TourGuide).check_progress(0.5)
+    assert workspace.state(TourGuide).tour.number == 0
 
 
 @pytest.fixture

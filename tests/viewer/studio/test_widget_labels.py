@@ -29,7 +29,7 @@ instead.
 PASSED_ON = {
     *(("modal.py", word) for word in ("label", "title", "yes", "no")),
     *(("fields.py", "label"), ("style.py", "name"), ("layer_options.py", "label")),
-    *(("dialogs.py", "_TITLES[workspace.asking]"), ("dialogs.py", "'Save' if browser.saving else 'Open'")),
+    *(("dialogs.py", "title"), ("dialogs.py", "'Save' if browser.saving else 'Open'")),
 }
 """Labels that helpers pass on, names of a layer's fields, and those of a file dialog. They are constant while
 it is open.

@@ -26,6 +26,7 @@ from enliven.rotation import IDENTITY, from_rotation_vector, unit
 from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.playback.document import Document
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.window.live_outputs import WindowOutputs
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -149,17 +150,19 @@ def test_a_take_is_sent_as_it_is_at_the_playhead(workspace, tmp_path):
     write_project(tmp_path / "dance.enliven", workspace.editor.project)
     assert cli.run(["export", str(tmp_path / "dance.enliven"), "-o", str(tmp_path / "dance.mcap")]) == 0
     player = Workspace(Editor(), tmp_path / "player")
-    player.perform.active_workspace = "Play"
-    player.perform.follow_take(tmp_path / "dance.mcap")
-    live, skeleton = player.perform.live, person("vrm")
+    perform = player.state(PerformSession)
+    perform.active_workspace = "Play"
+    perform.follow_take(tmp_path / "dance.mcap")
+    live, skeleton = perform.live, person("vrm")
     try:
         wait_until(
-            lambda: (player.perform.advance(0.01), live.document.timeline.end_ns > 1.9e9)[1], "the take"
+            lambda: (perform.advance(0.01), live.document.timeline.end_ns > 1.9e9)[1],
+            "the take",
         )
         with OscReceiver() as receiver, opened(player, f"vmc:127.0.0.1:{receiver.port}") as outputs:
             for fraction in (0.0, 0.5, 0.9):
                 live.playhead.scrub(fraction)
-                player.perform.advance(0.0)
+                perform.advance(0.0)
                 workspace.editor.time = live.playhead.time_ns * 1e-9
                 direction = arm_of(workspace, "anna", skeleton)
 
@@ -171,7 +174,7 @@ def test_a_take_is_sent_as_it_is_at_the_playhead(workspace, tmp_path):
 
                 wait_until(arrived, f"the pose at {fraction} of the take")
     finally:
-        player.perform.disconnect()
+        perform.disconnect()
 
 
 class OnePerformer:
@@ -189,7 +192,7 @@ class OnePerformer:
 
 
 def test_performers_of_a_stage_are_sent_by_their_numbers(workspace):
-    workspace.perform.live = LiveStage(OnePerformer(), Document())
+    workspace.state(PerformSession).live = LiveStage(OnePerformer(), Document())
     words = ("vrchat", "osc")
     with OscReceiver() as trackers, OscReceiver() as osc:
         ports = (trackers.port, osc.port)
@@ -197,7 +200,7 @@ def test_performers_of_a_stage_are_sent_by_their_numbers(workspace):
         with opened(workspace, *sent) as outputs:
 
             def arrived():
-                workspace.perform.advance(0.03)
+                workspace.state(PerformSession).advance(0.03)
                 outputs.send()
                 return "/tracking/trackers/head/position" in trackers.values and (
                     "/enliven/performer/1/joint/head" in osc.values

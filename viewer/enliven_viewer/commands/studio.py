@@ -61,6 +61,7 @@ def studio(
     from enliven.outputs.settings import collect_output_settings
     from enliven.space.space_file import load_space
     from enliven_viewer.studio.editor.editor import Editor
+    from enliven_viewer.studio.features.perform.session import PerformSession
     from enliven_viewer.studio.settings import StudioSettings
     from enliven_viewer.studio.window.live_outputs import WindowOutputs
     from enliven_viewer.studio.window.window import StudioWindow
@@ -69,7 +70,7 @@ def studio(
     chosen_settings = load_settings(StudioSettings, settings) if settings else StudioSettings()
     loaded_space = None if space is None else load_space(space)
     workspace = Workspace.new(Editor(chosen_settings))
-    workspace.perform.shared_space.space = loaded_space
+    workspace.state(PerformSession).shared_space.space = loaded_space
     for file in files or []:
         workspace.open(file)
     workspace.starting = not files

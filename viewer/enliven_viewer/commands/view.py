@@ -226,6 +226,7 @@ def _open_window(
     from enliven.outputs.opening import open_outputs
     from enliven.space.space_file import load_space
     from enliven_viewer.studio.editor.editor import Editor
+    from enliven_viewer.studio.features.perform.session import PerformSession
     from enliven_viewer.studio.settings import StudioSettings
     from enliven_viewer.studio.window.live_outputs import WindowOutputs
     from enliven_viewer.studio.window.window import StudioWindow
@@ -234,13 +235,14 @@ def _open_window(
     loaded_space = None if space is None else load_space(space)
     studio_settings = StudioSettings(settings.render, settings.width, settings.height)
     workspace = Workspace.new(Editor(studio_settings))
-    workspace.perform.active_workspace = "Play" if take is not None or addresses else "Perform"
-    workspace.perform.shared_space.space = loaded_space
+    workspace.tabs.active = "Play" if take is not None or addresses else "Perform"
+    perform = workspace.state(PerformSession)
+    perform.shared_space.space = loaded_space
     if take is not None:
-        workspace.perform.follow_take(take, settings.playback)
+        perform.follow_take(take, settings.playback)
     else:
         for address in addresses:
-            workspace.perform.add_secondary(address, settings.playback)
+            perform.add_secondary(address, settings.playback)
     with WindowOutputs(workspace, open_outputs(*outputs)) as sending:
         StudioWindow(workspace, opening=opening, outputs=sending).run(seconds=seconds)
 

@@ -68,6 +68,12 @@ class GraphCharacter(RigBase):
     word = "possessed mesh"
     played = "parts"
     drawn_by = ("mesh", "skin", "positions")
+    sent_by = (*drawn_by, "ends", "joints")
+
+    @property
+    def performed_parts(self) -> tuple[str, ...]:
+        """The takes of the parts, if there are several."""
+        return tuple(part.take for part in self.parts) if len(self.parts) > 1 else ()
 
     @property
     def playing(self) -> tuple[LayerBase, ...]:

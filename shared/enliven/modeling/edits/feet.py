@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from enliven.document import ExampleCharacter, GraphCharacter, Layer, Project, RigBase
+from enliven.document import GraphCharacter, Layer, Project, RigBase
 from enliven.errors import InputError
 from enliven.mapping.automatic_mapping import pin_all_feet
 from enliven.modeling.edits.characters import change_layers
@@ -37,7 +37,7 @@ def lock_feet(project: Project, character_id: str, numbers: Iterable[int], feet:
     character = project.character(character_id)
     if isinstance(character, GraphCharacter):
         return stand(project, character_id, numbers, feet)
-    if isinstance(character, ExampleCharacter):
+    if not character.locks_feet:
         remedy = (
             "Change the puppet's contacts in the floor row of the timeline, or mark control points as feet."
         )

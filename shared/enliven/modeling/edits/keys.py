@@ -27,7 +27,6 @@ from enliven.document import (
     PoseStream,
     Project,
     RigBase,
-    RiggedCharacter,
     RootLayer,
     clip_from_keys,
     key_values,
@@ -37,7 +36,6 @@ from enliven.document import (
 from enliven.errors import InputError
 from enliven.modeling.edits.characters import remove_layer
 from enliven.modeling.edits.rigs import get_rig_edits
-from enliven.modeling.rigged.bones import bone_number
 
 Handle = int | str | None
 """The target of keys: a bone by number or name, a node by number, or None for the whole character."""
@@ -48,7 +46,8 @@ def key_layer(project: Project, character_id: str, handle: Handle) -> int | None
     """Returns the number of the layer that plays the keys of a handle, or None if it has no keys."""
     character = project.character(character_id)
     if handle is not None:
-        return get_rig_edits(character).key_layer(project, character, _handle_number(character, handle))
+        rig_edits = get_rig_edits(character)
+        return rig_edits.key_layer(project, character, rig_edits.find_keyable(character, handle))
     first = len(character.playing) - len(character.root_layers)
     key_layers = (
         number for number, layer in enumerate(character.root_layers) if project.takes[layer.take].keys
@@ -106,7 +105,7 @@ def set_key(
     if number is None:
         new_key = replace(new_key, ease=ease or "smooth")
         if handle is not None:
-            handle_index = _handle_number(character, handle)
+            handle_index = get_rig_edits(character).find_keyable(character, handle)
             return get_rig_edits(character).with_key_layer(project, character, handle_index, new_key)
         return _with_root_layer(project, character, new_key)
     layer = character.playing[number]
@@ -192,27 +191,6 @@ def _refuse_displacement(character: RigBase, handle: Handle, key: MotionKey) -> 
             where=character.where,
             remedy=remedy,
         )
-
-
-def _handle_number(character: RigBase, handle: int | str) -> int:
-    """Returns the number of a bone or node.
-
-    Raises:
-        InputError: if the handle does not exist, or if the rig's handles cannot have keys.
-    """
-    if isinstance(character, RiggedCharacter):
-        return bone_number(character, handle)
-    if isinstance(handle, str) or not 0 <= handle < character.keyable:
-        count = character.keyable
-        remedy = (
-            f"The nodes are numbered from 0. Number of nodes: {count}."
-            if count
-            else "Set keys for the whole character instead."
-        )
-        raise InputError(
-            f"node {handle!r} does not exist or cannot have keys", where=character.where, remedy=remedy
-        )
-    return handle
 
 
 def _frame_at(second: float) -> int:

@@ -93,6 +93,10 @@ class RootMotionRig(RigEdits):
         """Returns the layer number of the wrapped rig. Root layers are numbered after all other layers."""
         return self.wrapped.key_layer(project, character, handle)
 
+    def find_keyable(self, character: Any, handle: int | str) -> int:
+        """Returns the number of a bone or node of the wrapped rig."""
+        return self.wrapped.find_keyable(character, handle)
+
     def with_key_layer(self, project: Project, character: Any, handle: int, key: MotionKey) -> Project:
         """Adds the layer to the wrapped rig. The root layers stay unchanged."""
         return self.wrapped.with_key_layer(project, character, handle, key)

@@ -24,7 +24,7 @@ from enliven.document import (
 from enliven.modeling.mesh.meshes import compute_posed_vertices
 from enliven.modeling.rig import CharacterState, Merge, Player, RigEdits
 from enliven.modeling.rigged.axes import Axes, convert_mesh_axes
-from enliven.modeling.rigged.bones import list_bones, rebuild_shape
+from enliven.modeling.rigged.bones import bone_number, list_bones, rebuild_shape
 from enliven.modeling.rigged.merging import merge as merge_shapes
 from enliven.modeling.rigged.posed import compute_pose, pose_with_stretch, with_travel_kept
 from enliven.modeling.rigged.posing import drag_joint
@@ -84,6 +84,10 @@ class ShapeRig(RigEdits):
             k for k, layer in enumerate(shape.layers) if layer.id in laid and project.takes[layer.take].keys
         )
         return next(numbers, None)
+
+    def find_keyable(self, shape: RiggedCharacter, handle: int | str) -> int:
+        """Returns the number of a bone."""
+        return bone_number(shape, handle)
 
     def with_key_layer(
         self, project: Project, shape: RiggedCharacter, handle: int, key: MotionKey

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from enliven.document import FREE, ExampleCharacter, History, Project, RigBase, compute_closing_time
+from enliven.document import FREE, History, Project, RigBase, compute_closing_time
 from enliven.errors import EnlivenError
 from enliven.modeling.edits import refuse_locked
 from enliven_viewer.language import later, tr
@@ -17,13 +17,11 @@ from enliven_viewer.playback.document import find_bounds
 from enliven_viewer.render.camera import Box, OrbitCamera
 from enliven_viewer.render.camera_moves import CameraMoves
 from enliven_viewer.render.renderer import EMPTY_BOX
-from enliven_viewer.render.stage_look import LOOKS
 from enliven_viewer.studio.editor.background import BackgroundTask
-from enliven_viewer.studio.editor.framing import find_visible_points, sample_path_boxes
+from enliven_viewer.studio.editor.framing import find_visible_points
+from enliven_viewer.studio.editor.rig_editor import RigEditors
 from enliven_viewer.studio.editor.snapping import Snapping
 from enliven_viewer.studio.editor.studio_stage import StudioStage
-from enliven_viewer.studio.puppets.motion_solver import MotionSolver
-from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.viewport.picking import Lens
@@ -64,10 +62,9 @@ class Editor:
         self.marked_range: tuple[float, float] | None = None
         self.live_box: Box | None = None  # Bounding box of the live characters in metres.
         self.less_motion: Callable[[], bool] = lambda: False
-        self.puppets = PuppetEditor(self)
-        self.motion_solver = MotionSolver(self.toasts)
+        self.rig_editors = RigEditors()  # Features add the editors of some rigs.
         self.background = BackgroundTask(self.toasts, tr("Other work is still running"))
-        self._stage = StudioStage(self, {ExampleCharacter.kind: self.puppets.stage.stage_puppet})
+        self._stage = StudioStage(self, self.rig_editors)
 
     @property
     def project(self) -> Project:
@@ -133,7 +130,8 @@ class Editor:
     def open_project(self, project: Project) -> None:
         """Opens another project, with an empty history."""
         self.history, self.draft = History(project), None
-        self.puppets.accept()
+        for rig_editor in self.rig_editors.values():
+            rig_editor.accept()
         self.selection, self.time, self.playing, self.marked_range = Selection(), 0.0, False, None
         self.frame_all()
 
@@ -230,7 +228,8 @@ class Editor:
         self.camera_moves.advance(self.camera, self._find_subject_box(), seconds)
         self.camera.advance(math.inf if self.less_motion() else seconds)
         self.toasts.advance(seconds)
-        self.puppets.advance()
+        for rig_editor in self.rig_editors.values():
+            rig_editor.advance()
         self.background.poll()
         if self.playing and self.draft is None:
             self._advance_playhead(seconds * self.speed)
@@ -271,45 +270,17 @@ class Editor:
         """Ends scrubbing: settles surfaces that were only solved coarsely meanwhile."""
         if self.scrubbing:
             self.scrubbing = False
-            self.puppets.stage.surfaces.settle()
+            for rig_editor in self.rig_editors.values():
+                rig_editor.settle_surfaces()
 
     def frame_all(self, *, at_once: bool = False, reset: bool = True) -> None:
         """Moves the camera so that all characters are visible."""
-        self._frame_box(self.measure_bounds(), at_once=at_once, reset=reset)
+        self.frame_box(self.measure_bounds(), at_once=at_once, reset=reset)
 
-    def frame_path(self) -> None:
-        """Moves the camera so that all characters and the whole path of the selected characters are visible.
-        Without a selection, shows the paths of all characters.
-        """
-        box = self.measure_bounds()
-        if box is None:
-            self._frame_box(None)
-            return
-        corner_points = [np.stack(box)]
-        chosen = [
-            character for character in self.visible_characters if character.id in self.selection.characters
-        ]
-        for character in chosen or self.visible_characters:
-            if len(character.extent):
-                extent = find_visible_points(character.extent, character.vertices)
-                corner_points.append(
-                    sample_path_boxes(*self._solve_character(character.id), self.time, extent)
-                )
-        self._frame_box(find_bounds(corner_points))
-
-    def _solve_character(self, name: str) -> tuple[Project, RigBase]:
-        """Returns a character with its shown motion. The motion of a puppet is solved in the background."""
-        return self.motion_solver.find_shown(self.project, name)
-
-    def _frame_box(self, box: Box | None, *, at_once: bool = False, reset: bool = True) -> None:
+    def frame_box(self, box: Box | None, *, at_once: bool = False, reset: bool = True) -> None:
+        """Moves the camera so that a box is visible. Without a box, shows the empty stage."""
         aspect = self.size[0] / max(self.size[1], 1.0)
         self.camera.frame(box or EMPTY_BOX, aspect, at_once=at_once, reset=reset, margin=_FRAMING_MARGIN)
-
-    def switch_look(self) -> None:
-        """Switches the stage to the next look."""
-        names = list(LOOKS)
-        self.look = names[(names.index(self.look) + 1) % len(names)]
-        self.toasts.show_message(tr("Look: {0}", tr(self.look)))
 
     def _find_subject_box(self) -> Box | None:
         """Returns the bounding box of the camera's subject: the selected characters, or all.

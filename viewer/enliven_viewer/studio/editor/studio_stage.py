@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Protocol
 
 from enliven.arrays import Float
 from enliven.document import Pose, Project, RigBase
 from enliven.modeling.edits import get_rig_edits
+from enliven_viewer.studio.editor.rig_editor import RigEditors
 from enliven_viewer.studio.viewport.colours import DrawnMeshes
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
 
@@ -27,12 +28,11 @@ class StudioStage:
 
     Args:
         editor: the editor with the project and the time.
-        solved: for each rig kind that is solved in the background, a function that returns a character with
-            its newest solved surface.
+        rig_editors: place the characters whose surfaces are solved in the background.
     """
 
-    def __init__(self, editor: ShownState, solved: Mapping[str, Callable[[RigBase], StageCharacter]]) -> None:
-        self._editor, self._placing_functions = editor, solved
+    def __init__(self, editor: ShownState, rig_editors: RigEditors) -> None:
+        self._editor, self._rig_editors = editor, rig_editors
         self._meshes = DrawnMeshes()
         self._players: dict[str, tuple[tuple[object, ...], Callable[[float], tuple[Pose, Float]]]] = {}
         self._cache: tuple[Project, float, dict[str, StageCharacter]] | None = None
@@ -50,8 +50,9 @@ class StudioStage:
         """
         project, time = self._editor.project, self._editor.time
         character = project.character(character_id)
-        if character.kind in self._placing_functions:
-            return self._placing_functions[character.kind](character)
+        placed = self._rig_editors[character.kind].stage_character(character)
+        if placed is not None:
+            return placed
         if self._cache is None or self._cache[0] is not project or self._cache[1] != time:
             self._cache = (project, time, {})
             self._players = {

@@ -23,6 +23,7 @@ from enliven_viewer.studio.features.puppets import feature as puppets
 from enliven_viewer.studio.features.scan import feature as scan
 from enliven_viewer.studio.features.sound import feature as sound
 from enliven_viewer.studio.features.timeline import feature as timeline
+from enliven_viewer.studio.features.tour import feature as tour
 
 Register = Callable[[App], object]
 ENTRY_POINTS = "enliven.studio_features"
@@ -39,6 +40,7 @@ FEATURES: tuple[Register, ...] = (
     scan.register,
     puppets.register,
     timeline.register,
+    tour.register,
 )
 """The register function of each feature of this package. Their order is the order of their
 actions in menus.

@@ -8,6 +8,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.errors import EnlivenError
 from enliven_viewer.language import tr
+from enliven_viewer.studio.app.file_browser import ORDER_LABELS, FileBrowser, list_places
 from enliven_viewer.studio.app.style import draw_note, push_colours
 from enliven_viewer.studio.panels.export_options import draw_export_options
 from enliven_viewer.studio.panels.history import draw_history
@@ -16,7 +17,6 @@ from enliven_viewer.studio.panels.modal import draw_button, draw_choice, open_mo
 from enliven_viewer.studio.panels.palette import draw_palette
 from enliven_viewer.studio.panels.preferences import draw_preferences
 from enliven_viewer.studio.panels.saving import draw_changed_file, draw_unsaved
-from enliven_viewer.studio.workspace.file_browser import ORDER_LABELS, FileBrowser, list_places
 from enliven_viewer.studio.workspace.workspace import Workspace
 from enliven_viewer.theme import WAIT
 
@@ -36,7 +36,6 @@ _TITLES = {
     "save as": "Save the project",
     "export": "Export",
     "film": "Write a film",
-    "perform": "Play a recording on the stage",
     "session": "Save the examples",
 }
 
@@ -45,17 +44,18 @@ def draw_dialogs(workspace: Workspace) -> None:
     """Draws the open dialogue on top of everything."""
     if workspace.history_shown:
         draw_history(workspace)
-    if workspace.asking in _TITLES:
-        _draw_file_dialog(workspace)
+    titles = {name: dialog.title for name, dialog in workspace.file_dialogs.items()} | _TITLES
+    if workspace.asking in titles:
+        _draw_file_dialog(workspace, titles[workspace.asking])
     elif workspace.asking in _DRAW_FUNCTIONS:
         _DRAW_FUNCTIONS[workspace.asking](workspace)
 
 
-def _draw_file_dialog(workspace: Workspace) -> None:
+def _draw_file_dialog(workspace: Workspace, title: str) -> None:
     browser = workspace.browser
     if browser is None:
         return
-    with open_modal(_TITLES[workspace.asking], *_DIALOG_SIZE) as shown:
+    with open_modal(title, *_DIALOG_SIZE) as shown:
         if shown:
             _draw_browser(workspace, browser)
 

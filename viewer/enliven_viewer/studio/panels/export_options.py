@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven.document import ExampleCharacter
 from enliven.exporters import IN_PLACE, MAX_SCALE, SCALE, UNIT, UP
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.render.stage_look import LOOKS
@@ -111,9 +110,7 @@ def _draw_film_options(workspace: Workspace) -> None:
 def _draw_format_options(workspace: Workspace) -> None:
     """Draws the options of the file formats."""
     options = workspace.exporting
-    if any(
-        isinstance(character, ExampleCharacter) for character in workspace.editor.project.characters.values()
-    ):
+    if any(character.is_solved for character in workspace.editor.project.characters.values()):
         options.morphs = imgui.checkbox(
             labelled(tr("Exact puppets (.glb)"), "Exact puppets (.glb)"), options.morphs
         )[1]

@@ -32,7 +32,7 @@ def draw_unsaved(workspace: Workspace) -> None:
 
 def _draw_recording(workspace: Workspace) -> None:
     """Draws a notice about a running recording: its length, and the effect of each button."""
-    seconds = format_time(workspace.perform.recording.seconds)
+    seconds = format_time(workspace.recording.seconds)
     with push_colours(BAD, imgui.Col_.text):
         imgui.text_unformatted(tr("A recording is running: {0}", seconds))
     imgui.text_wrapped(

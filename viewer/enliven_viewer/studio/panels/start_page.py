@@ -40,18 +40,18 @@ _FIRST_ACTIONS = ("perform.stand", "tool.sketch", "file.open", "help.tour")
 
 
 def draw_start(workspace: Workspace, area: Area) -> None:
-    """Draws the start page if it is open or the tour points at it. Otherwise draws the text on an empty
+    """Draws the start page if it is open or a feature needs it. Otherwise draws the text on an empty
     stage.
     """
-    tour = workspace.tour
-    if tour is not None and tour.wants_samples:
+    wanted = workspace.wants_start_page()
+    if wanted:
         _draw_page(workspace, area)
         return
     if workspace.editor.project.characters or workspace.input.tool.name != "choose":
         return
     if workspace.starting:
         _draw_page(workspace, area)
-    elif tour is None:
+    elif wanted is None:
         _draw_empty_view(area)
 
 

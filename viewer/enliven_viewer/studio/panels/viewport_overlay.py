@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, ImVec2Like, imgui
 
+from enliven.document import ExampleCharacter
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.studio.actions.keys import format_key
 from enliven_viewer.studio.app.marks import draw_mark, make_axes_marks
-from enliven_viewer.studio.app.panel_layout import HOLDER_LINE_HEIGHT, Area
+from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import SMALL_TEXT_SIZE, pack_colour
 from enliven_viewer.studio.panels.start_page import draw_start
 from enliven_viewer.studio.toasts import Toast
@@ -50,7 +51,7 @@ def _draw_tool(workspace: Workspace, draw_list: imgui.ImDrawList, area: Area, *,
     _draw_brackets(workspace, draw_list, area)
     for mark in workspace.input.tool.overlay().marks:
         draw_mark(draw_list, area, mark)
-    if workspace.puppets.puppet is not None:
+    if workspace.editor.find_selected(ExampleCharacter) is not None:
         for mark in make_axes_marks(workspace.editor.lens, (area.width - 46, area.height - 42)):
             draw_mark(draw_list, area, mark)
     if over:
@@ -152,13 +153,8 @@ def _draw_session_caption(workspace: Workspace, draw_list: imgui.ImDrawList, are
 
 
 def _draw_toasts(workspace: Workspace, draw_list: imgui.ImDrawList, area: Area) -> None:
-    perform = workspace.perform
-    live = perform.active_workspace == "Play" and perform.live is not None
-    bottom = area.y + area.height - (70 if live else 14)  # Leave room for the live timeline.
-    if perform.active_workspace in ("Perform", "Play"):
-        # Also leave room for the lines about performers, and for the line with the condition for which
-        # Possess waits.
-        bottom -= HOLDER_LINE_HEIGHT * (len(perform.holders) + perform.possession_requests.is_waiting)
+    lines_height = sum(overlay.find_lines_height() for overlay in workspace.overlays)
+    bottom = area.y + area.height - 14 - lines_height
     for toast in reversed(workspace.editor.toasts.shown):
         bottom = _draw_toast(draw_list, area, toast, bottom) - 8
 

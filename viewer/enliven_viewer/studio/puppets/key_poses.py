@@ -10,7 +10,7 @@ from enliven.examples.puppet_motion import PuppetState
 from enliven.modeling.puppet.dragging import key_pose_at
 from enliven.modeling.puppet.poses import add_key_pose, change_key_pose, remove_key_pose
 from enliven_viewer.language import later, tr
-from enliven_viewer.studio.puppets.protocols import EditorProtocol
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.puppets.puppet_selection import PuppetSelection
 from enliven_viewer.studio.puppets.puppet_stage import PuppetStage, StagePuppet
 from enliven_viewer.studio.puppets.puppet_states import find_start_places
@@ -24,7 +24,7 @@ class KeyPoses(PuppetSelection):
             pose is edited.
     """
 
-    def __init__(self, editor: EditorProtocol, stage: PuppetStage) -> None:
+    def __init__(self, editor: Editor, stage: PuppetStage) -> None:
         super().__init__(editor, stage)
         self.start_state: PuppetState | None = None
         self._edited_pose: tuple[str, int] | None = None

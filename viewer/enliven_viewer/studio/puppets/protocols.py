@@ -1,45 +1,13 @@
-"""Protocols between the studio's puppets and the project's editor."""
+"""The protocol between the puppets on the stage and their editor."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 from enliven.arrays import Float
-from enliven.document import ExampleCharacter, KeyPose, Project, RigBase
+from enliven.document import ExampleCharacter, KeyPose
 from enliven.examples.puppet_motion import PuppetState
 from enliven_viewer.studio.puppets.motion_solver import MotionSolver
-from enliven_viewer.studio.toasts import Toasts
-from enliven_viewer.studio.viewport.selection import Selection
-
-R = TypeVar("R", bound=RigBase)
-
-
-class EditorProtocol(Protocol):
-    """An editor: the project with its history, the current time, and the selection."""
-
-    time: float
-    playing: bool
-    scrubbing: bool
-    selection: Selection
-    toasts: Toasts
-    motion_solver: MotionSolver
-
-    @property
-    def project(self) -> Project:
-        """Returns the shown project, including a draft."""
-
-    def edit(self, name: str, change: Callable[[Project], Project]) -> bool:
-        """Applies an edit and adds it to the history. Returns False if it failed."""
-
-    def select(self, **changes: object) -> None:
-        """Changes parts of the selection."""
-
-    def select_only(self, character: str | None, handle: int | None = None) -> None:
-        """Selects a character, and optionally one of its handles."""
-
-    def find_selected(self, rig: type[R], /) -> R | None:
-        """Returns the selected character if it has this type of rig."""
 
 
 class PoseEditState(Protocol):
@@ -47,6 +15,7 @@ class PoseEditState(Protocol):
 
     silhouette: bool
     start_state: PuppetState | None
+    motion_solver: MotionSolver
 
     @property
     def puppet(self) -> ExampleCharacter | None:

@@ -1,6 +1,6 @@
 """Edits the selected puppet: dragging its control points, and its key poses.
 
-puppets = editor.puppets
+puppets = get_puppet_editor(editor)
 puppets.begin_pose("walk", 0.4)        # adds a key pose at a time of a take, or opens an existing one
 puppets.drag(2, place)                 # the surface follows; nothing is stored yet
 puppets.drop()                         # one edit of the project
@@ -14,14 +14,16 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import ExampleCharacter
+from enliven.document import ExampleCharacter, Project, RigBase
 from enliven.modeling.puppet.points import remove_point
 from enliven.modeling.puppet.poses import change_key_pose
 from enliven_viewer.language import later, tr, tr_n
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.editor.rig_editor import RigEditor
 from enliven_viewer.studio.puppets.key_poses import KeyPoses
 from enliven_viewer.studio.puppets.mesh_cache import find_mesh_centre, measure_mesh
-from enliven_viewer.studio.puppets.protocols import EditorProtocol
-from enliven_viewer.studio.puppets.puppet_stage import PuppetStage
+from enliven_viewer.studio.puppets.motion_solver import MotionSolver
+from enliven_viewer.studio.puppets.puppet_stage import PuppetStage, StagePuppet
 from enliven_viewer.studio.puppets.self_intersection import SelfIntersectionSearch
 from enliven_viewer.studio.puppets.symmetry import mirror_places
 
@@ -33,7 +35,7 @@ Larger distances are unintended.
 """
 
 
-class PuppetEditor(KeyPoses):
+class PuppetEditor(KeyPoses, RigEditor):
     """The state of editing puppets, shared by the stage and the examples panel.
 
     Attributes:
@@ -41,9 +43,11 @@ class PuppetEditor(KeyPoses):
             this moment. None means the moment that the lowest layer plays.
         silhouette: True to outline the previous key pose while a key pose is edited.
         warn: whether self-intersecting faces are shown.
+        motion_solver: solves the motions of puppets in the background.
     """
 
-    def __init__(self, editor: EditorProtocol) -> None:
+    def __init__(self, editor: Editor) -> None:
+        self.motion_solver = MotionSolver(editor.toasts)
         super().__init__(editor, PuppetStage(editor, self))
         self.moment: tuple[str, float] | None = None
         self.silhouette, self.warn = True, True
@@ -68,6 +72,22 @@ class PuppetEditor(KeyPoses):
             self.self_intersection.start_check(standing.character, standing.surface)
         else:
             self.self_intersection.forget()
+
+    def stage_character(self, character: RigBase) -> StagePuppet:
+        """Returns a puppet of the project in its current pose."""
+        return self.stage.stage_puppet(character)
+
+    def find_shown(self, project: Project, character_id: str) -> tuple[Project, RigBase]:
+        """Returns a puppet with its newest solution, and the project that it belongs to."""
+        return self.motion_solver.find_shown(project, character_id)
+
+    def settle_motion(self, project: Project, character_id: str) -> None:
+        """Waits until the motion of a puppet is solved."""
+        self.motion_solver.settle(project, character_id)
+
+    def settle_surfaces(self) -> None:
+        """Solves surfaces again that were only solved coarsely while the playhead was dragged."""
+        self.stage.surfaces.settle()
 
     @property
     def is_shaping(self) -> bool:
@@ -198,6 +218,14 @@ class PuppetEditor(KeyPoses):
             layer = puppet.layers[0]
             moment = (layer.take, layer.find_played_time(self.editor.time, takes[layer.take].duration)[0])
         return moment if moment is not None and moment[0] in takes else None
+
+
+def get_puppet_editor(editor: Editor) -> PuppetEditor:
+    """Returns the puppet editor of an editor. The first call creates it, and registers it there."""
+    puppets = editor.rig_editors.get(ExampleCharacter.kind)
+    if not isinstance(puppets, PuppetEditor):
+        puppets = editor.rig_editors[ExampleCharacter.kind] = PuppetEditor(editor)
+    return puppets
 
 
 def _clamp_place(puppet: ExampleCharacter, place: Float) -> Float:

@@ -7,7 +7,7 @@ import numpy as np
 from enliven.document import ExampleCharacter, Project
 from enliven.modeling.puppet.points import add_point
 from enliven_viewer.language import later, tr
-from enliven_viewer.studio.puppets.protocols import EditorProtocol
+from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.puppets.puppet_stage import PuppetStage, StagePuppet
 from enliven_viewer.studio.puppets.solver import MIN_BACKGROUND_VERTICES
 from enliven_viewer.studio.puppets.symmetry import find_partner_vertex, find_plane
@@ -21,7 +21,7 @@ class PuppetSelection:
         symmetric: whether control points are added and dragged symmetrically.
     """
 
-    def __init__(self, editor: EditorProtocol, stage: PuppetStage) -> None:
+    def __init__(self, editor: Editor, stage: PuppetStage) -> None:
         self.editor, self.stage = editor, stage
         self.symmetric = False
 

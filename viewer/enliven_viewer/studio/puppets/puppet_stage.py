@@ -14,7 +14,8 @@ from enliven.document import Character, ExampleCharacter, RigBase, SkinWeights
 from enliven.examples.puppet_motion import PuppetState, convert_to_world_frame, pose_of_state
 from enliven.modeling.edits import bake_root_layers
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
-from enliven_viewer.studio.puppets.protocols import EditorProtocol, PoseEditState
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.puppets.protocols import PoseEditState
 from enliven_viewer.studio.puppets.puppet_states import find_playback_state
 from enliven_viewer.studio.puppets.surfaces import PuppetSurfaces
 from enliven_viewer.studio.viewport.colours import DrawnMeshes
@@ -77,7 +78,7 @@ class StagePuppet(StageCharacter):
 class PuppetStage:
     """All puppets of an editor's project in their current poses. They are cached while nothing changes."""
 
-    def __init__(self, editor: EditorProtocol, posing: PoseEditState) -> None:
+    def __init__(self, editor: Editor, posing: PoseEditState) -> None:
         self.editor, self.posing = editor, posing
         self.surfaces, self._meshes = PuppetSurfaces(editor.toasts), create_puppet_meshes()
         self._cache: tuple[tuple[object, ...], tuple[StagePuppet, ...]] | None = None
@@ -140,17 +141,17 @@ class PuppetStage:
         Call once per frame.
         """
         self.surfaces.improve()
-        if any(self.editor.motion_solver.busy(name) for name in self.editor.project.puppets):
+        if any(self.posing.motion_solver.busy(name) for name in self.editor.project.puppets):
             self._version += 1
 
     def _place_puppet(self, puppet: ExampleCharacter) -> StagePuppet:
         editor, posing, newest = self.editor, self.posing, puppet
         places = posing.places if posing.puppet is puppet else None
         if places is not None and len(places) == len(puppet.points):
-            shown_state = posing.start_state or find_playback_state(editor, puppet)[1]
+            shown_state = posing.start_state or find_playback_state(editor, posing.motion_solver, puppet)[1]
             state = PuppetState(places, shown_state.yaw, shown_state.root)
         else:
-            puppet, state = find_playback_state(editor, puppet)
+            puppet, state = find_playback_state(editor, posing.motion_solver, puppet)
         if newest.root_layers or puppet.root_layers:
             puppet = puppet.with_changes(root_layers=newest.root_layers)
             puppet = cast(ExampleCharacter, bake_root_layers(editor.project, puppet, editor.time))

@@ -9,7 +9,8 @@ from enliven.document import ExampleCharacter, Project
 from enliven.errors import EnlivenError
 from enliven.examples.puppet_examples import find_missing_examples
 from enliven.examples.puppet_motion import PuppetState, evaluate_state, solve_layer_motion
-from enliven_viewer.studio.puppets.protocols import EditorProtocol
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.puppets.motion_solver import MotionSolver
 
 
 def make_rest_state(puppet: ExampleCharacter) -> PuppetState:
@@ -18,13 +19,13 @@ def make_rest_state(puppet: ExampleCharacter) -> PuppetState:
 
 
 def find_playback_state(
-    editor: EditorProtocol, puppet: ExampleCharacter
+    editor: Editor, solver: MotionSolver, puppet: ExampleCharacter
 ) -> tuple[ExampleCharacter, PuppetState]:
     """Returns the puppet and its state at the editor's time, or its rest state if it cannot move yet.
 
     While the newest motion is being solved, the previously solved version of the puppet is returned.
     """
-    project, solved = editor.motion_solver.get_newest_solution(editor.project, puppet.id)
+    project, solved = solver.get_newest_solution(editor.project, puppet.id)
     if not solved.layers:
         return puppet, make_rest_state(puppet)
     try:

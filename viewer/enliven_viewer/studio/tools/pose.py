@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Project, RiggedCharacter
+from enliven.document import ExampleCharacter, Project, RiggedCharacter
 from enliven.modeling.edits import drag_handle, find_keys, key_handle
 from enliven_viewer.language import later
 from enliven_viewer.studio.editor.editor import Editor
@@ -38,7 +38,7 @@ class PoseTool(Tool):
     def hint(self) -> str:
         if self._held_handle is not None:
             return "Release to keep the pose. Esc cancels."
-        if self.editor.puppets.puppet is not None:
+        if self.editor.find_selected(ExampleCharacter) is not None:
             return "Drag a puppet sideways to turn it on the spot. Press K to pose the puppet."
         if self.editor.is_auto_key:
             return (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.document import RiggedCharacter
+from enliven.document import ExampleCharacter, RiggedCharacter
 from enliven_viewer.language import tr
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
@@ -41,7 +41,7 @@ class SelectTool(Tool):
             )
         if chosen.chain:
             return "A chain is chosen. Ctrl+Shift+C copies its motion, Ctrl+Shift+V pastes motion onto it."
-        if self.editor.puppets.puppet is not None:
+        if self.editor.find_selected(ExampleCharacter) is not None:
             return "A puppet is chosen. Press K to add control points and to pose the puppet."
         if chosen.handle is not None:
             return "Shift-click another joint to choose the chain between them. Delete removes the node."

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from enliven.document import Character, Pose, RiggedCharacter, Skeleton, SkinWeights
+from enliven.document import Character, Pose, Skeleton, SkinWeights
 from enliven.errors import InputError, ResourceError
 from enliven.motion_clips.recorded_characters import skeleton_from_bones
 from enliven.outputs.live_frame import CharacterInfo, CharacterInfos, LiveEvent, LiveFrame, PerformerSlots
@@ -15,7 +15,6 @@ from enliven.supervision.closeable import Closeable
 from enliven_viewer.language import later
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
-from enliven_viewer.studio.window.window_pictures import find_shown_characters, find_shown_scene
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 
@@ -53,16 +52,13 @@ class WindowOutputs(Closeable):
 
     def _frame(self, now_ns: int) -> LiveFrame:
         """Returns the shown stage as a live frame."""
-        project = find_shown_characters(self._workspace)
-        scene = find_shown_scene(self._workspace) or Scene()
+        project = self._workspace.shown_characters
+        scene = self._workspace.shown_scene or Scene()
         drawn = {standing.id: self._find_character_info(standing) for standing in project}
         shapes = {name: character for name, character in drawn.items() if character is not None}
         poses: dict[str, Pose] = {standing.id: standing.pose for standing in project if standing.id in shapes}
-        skeletons = {
-            standing.id: standing.character.skeleton
-            for standing in project
-            if isinstance(standing.character, RiggedCharacter)
-        }
+        found = {standing.id: standing.character.find_skeleton() for standing in project}
+        skeletons = {name: skeleton for name, skeleton in found.items() if skeleton is not None}
         for actor in scene.actors:
             if actor.character.id not in shapes:
                 shapes[actor.character.id], poses[actor.character.id] = actor.character, actor.pose
@@ -70,8 +66,7 @@ class WindowOutputs(Closeable):
             shapes, lambda name: skeletons[name] if name in skeletons else _live_skeleton(shapes[name])
         )
         numbered, events = self._numbers.number(scene.bodies, now_ns)
-        live = self._workspace.perform.live
-        held = frozenset(() if live is None else live.held & shapes.keys())
+        held = self._workspace.live.find_held() & shapes.keys()
         events += [LiveEvent("possess", 0, name) for name in sorted(held - self._held)]
         events += [LiveEvent("release", 0, name) for name in sorted(self._held - held)]
         self._held = held
@@ -81,9 +76,9 @@ class WindowOutputs(Closeable):
         """Returns the constant data of a character of the project. A skeleton without a surface
         is allowed.
         """
-        if standing.drawn is not None or not isinstance(standing.character, RiggedCharacter):
+        name, skeleton = standing.id, standing.character.find_skeleton()
+        if standing.drawn is not None or skeleton is None:
             return standing.drawn
-        name, skeleton = standing.id, standing.character.skeleton
         stand_in = self._stand_ins.get(name)
         if stand_in is None or stand_in[0] is not skeleton:
             stand_in = self._stand_ins[name] = (skeleton, _character_without_surface(name, skeleton))

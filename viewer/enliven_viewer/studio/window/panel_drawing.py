@@ -6,6 +6,7 @@ from imgui_bundle import imgui
 
 from enliven_viewer.studio.app.contributions import PanelPlace
 from enliven_viewer.studio.app.panel_layout import TIMELINE_HEIGHT, Area, PanelLayout, lay_out_panels
+from enliven_viewer.studio.app.workspace_tabs import has_tools
 from enliven_viewer.studio.panels.menu import draw_menu, draw_workspace_tabs
 from enliven_viewer.studio.panels.side import draw_side
 from enliven_viewer.studio.panels.toolbar import draw_toolbar
@@ -27,28 +28,21 @@ _MIN_SPLIT_HEIGHT = 340.0
 
 def make_panel_layout(workspace: Workspace, *, bare: bool) -> PanelLayout:
     """Returns the layout of the panels at the window's size. A bare window has only the view."""
-    size, active_workspace = imgui.get_io().display_size, workspace.perform.active_workspace
+    size, active_workspace = imgui.get_io().display_size, workspace.tabs.active
     without = ("menu", "tools", "side", "timeline") if bare else _HIDDEN_PANELS[active_workspace]
-    if active_workspace == "Play" and workspace.perform.live is not None:
-        # Hide the timeline panel, because the timeline of the live stage is drawn over the view.
-        without = (*without, "timeline")
+    without = (*without, *(name for find_hidden in workspace.hidden_panels for name in find_hidden()))
     options = {
         "puppet": workspace.find_panel(active_workspace, "beside view") is not None,
         "curves": workspace.find_panel(active_workspace, "above timeline") is not None,
-        "hinted": not bare and has_tool(active_workspace),
+        "hinted": not bare and has_tools(active_workspace),
     }
     height = workspace.preferences.timeline_height or TIMELINE_HEIGHT
     return lay_out_panels(size.x, size.y, without=without, timeline_height=height, **options)
 
 
-def has_tool(workspace_name: str) -> bool:
-    """Returns True if a workspace has tools."""
-    return workspace_name in ("Animate", "Model")
-
-
 def draw_panels(workspace: Workspace, places: PanelLayout) -> None:
     """Draws the menu and the panels of the workspace."""
-    active_workspace = workspace.perform.active_workspace
+    active_workspace = workspace.tabs.active
     draw_menu(workspace)
     draw_workspace_tabs(workspace)
     if places.tools.width:
@@ -69,12 +63,12 @@ def draw_panels(workspace: Workspace, places: PanelLayout) -> None:
         if panel is not None and area is not None:
             panel.draw(area)
     draw_progress_box(workspace, places.viewport)
-    draw_overlay(workspace, places.viewport, tool=has_tool(active_workspace), hint=places.hint)
+    draw_overlay(workspace, places.viewport, tool=has_tools(active_workspace), hint=places.hint)
 
 
 def _draw_side(workspace: Workspace, places: PanelLayout) -> None:
     """Draws the outliner, with the selection below it."""
-    column, active_workspace = places.side, workspace.perform.active_workspace
+    column, active_workspace = places.side, workspace.tabs.active
     below_outliner = workspace.find_panel(active_workspace, "below outliner")
     if below_outliner is not None:
         column, below = _split_side(column)

@@ -12,15 +12,11 @@ from imgui_bundle.glfw_utils import glfw_window_hello_imgui
 from enliven.arrays import UInt8
 from enliven.errors import ResourceError
 from enliven.supervision.lifetime import parent_is_gone
-from enliven_viewer.live.idle_loop import IdleLoop
 from enliven_viewer.settings import WindowStart
 from enliven_viewer.studio.actions.imgui_keys import KEYS, find_held_modifiers
+from enliven_viewer.studio.app.contributions import Frame
 from enliven_viewer.studio.app.panel_layout import Area, PanelLayout
 from enliven_viewer.studio.app.style import apply_colours, apply_style, load_fonts
-from enliven_viewer.studio.features.perform.camera_preview import draw_camera_previews, draw_side_view
-from enliven_viewer.studio.features.perform.live_texts import draw_audience, draw_live
-from enliven_viewer.studio.features.perform.preview_placement import PreviewPlacement
-from enliven_viewer.studio.features.tour.panel import draw_tour
 from enliven_viewer.studio.panels.dialogs import draw_dialogs
 from enliven_viewer.studio.window.desktop import Desktop
 from enliven_viewer.studio.window.live_outputs import WindowOutputs
@@ -81,11 +77,9 @@ class StudioWindow:
         self._window_rectangle: WindowRectangle | None = (
             (*_DEFAULT_CORNER, settings.width, settings.height) if opening.full_screen else None
         )
-        self._idle_loop = IdleLoop()
         self.pictures = 0
         self._pictures: WindowPictures | None = None
         self.desktop: Desktop | None = None
-        self._inset = PreviewPlacement()
         self._last_frame_s = time.monotonic()
         self._has_framed = False
         self._theme = get_theme()[0]
@@ -162,14 +156,13 @@ class StudioWindow:
             remedy = "Use --film out.mp4 to render without a window, or start on a computer with a display."
             raise ResourceError(str(error).rstrip("."), where="window", remedy=remedy) from None
         except BaseException:
-            self.workspace.perform.recording.stop()
+            self.workspace.recording.stop()
             self.workspace.store.autosave_now()
             raise
         finally:
-            for stop in self.workspace.closing_tasks:
+            # One of the tasks turns a running recording into an edit.
+            for stop in reversed(self.workspace.closing_tasks):
                 stop()
-            # Disconnecting turns a running recording into an edit.
-            self.workspace.perform.disconnect()
             if not self.workspace.ended:
                 # Write a recovery file, because the user was not asked whether to save.
                 self.workspace.store.autosave_now()
@@ -212,11 +205,8 @@ class StudioWindow:
     @property
     def _idle(self) -> bool:
         """Returns True if nothing moves, so that a low frame rate is enough."""
-        perform, editor = self.workspace.perform, self.workspace.editor
-        is_still = perform.live is None or perform.live.is_quiet
-        is_still = is_still and not self._idle_loop.loss
-        is_still = is_still and (self.workspace.tour is None or not self.workspace.tour.is_moving)
-        return is_still and not editor.playing and perform.recording.phase == "idle" and self.step is None
+        is_active = any(check() for check in self.workspace.activity_checks)
+        return not is_active and not self.workspace.editor.playing and self.step is None
 
     def _start(self) -> None:
         # Turn off ImGui's keyboard navigation. The keys belong to the tools, and Space must not press the
@@ -238,13 +228,10 @@ class StudioWindow:
             editor.frame_all(at_once=True)
         self.pace += (1 / max(elapsed, 1e-3) - self.pace) * min(elapsed * 2, 1.0)
         editor.advance(elapsed)
-        workspace.perform.advance(elapsed)
-        if self.opening.audience and (self.opening.bare or self.audience):
-            orbits = not workspace.preferences.less_motion
-            self._idle_loop.advance(workspace.perform.live, editor.camera, elapsed, orbits=orbits)
+        is_unattended = self.opening.audience and (self.opening.bare or self.audience)
+        workspace.frame = Frame(elapsed, self.pace, area, is_unattended)
         for task in workspace.frame_tasks:
             task()
-        workspace.watch_tour(elapsed, (area.x, area.y))
         assert self._pictures is not None
         self._pictures.draw(area)
         if self._outputs is not None:
@@ -252,26 +239,21 @@ class StudioWindow:
 
     def _draw_gui(self) -> None:
         """Draws the panels, and passes input outside of them to the viewport."""
-        places, pictures = self.places, self._pictures
-        assert pictures is not None
+        places = self.places
         if self.audience and not self.opening.bare:
-            draw_audience(self.workspace, places.viewport, self._idle_loop.audience_text)
+            for draw in self.workspace.audience_overlays:
+                draw(places.viewport)
         elif not self.opening.bare:
             draw_panels(self.workspace, places)
-            if not self.workspace.perform.hides_live:
-                draw_camera_previews(self.workspace, places.viewport, self._inset, pictures.glances)
-            if self.workspace.perform.close_up.box is not None:
-                texture = pictures.source.renderer.picture.texture.glo
-                draw_side_view(self.workspace, places.viewport, texture)
-            draw_live(self.workspace, places.viewport, self.pace)
             for overlay in self.workspace.overlays:
                 overlay.draw(places.viewport)
         # Read this before the dialogue is drawn, so that Escape only closes the dialogue.
         asking = self.workspace.asking
         draw_dialogs(self.workspace)
         if not (self.audience or self.opening.bare):
-            draw_tour(self.workspace, self.workspace.tour, places, self.workspace.end_tour)
-        if self.workspace.tour is None or self.workspace.tour.demonstration is None:
+            for draw_above in self.workspace.window_overlays:
+                draw_above(places)
+        if not any(is_blocked() for is_blocked in self.workspace.input_blocks):
             self._handle_input(places.viewport, keys=not asking)
         self.workspace.store.autosave()
         if self.desktop is not None:
@@ -308,9 +290,7 @@ class StudioWindow:
         """Handles a key, first for the window itself, then for the workspace."""
         if key == "f11":
             self._window_rectangle = toggle_full_screen(glfw_window_hello_imgui(), self._window_rectangle)
-        elif (
-            key == "escape" and self.opening.escape_ends and self.workspace.perform.recording.phase == "idle"
-        ):
+        elif key == "escape" and self.opening.escape_ends and self.workspace.recording.phase == "idle":
             self.workspace.ask("quit")
         else:
             self.workspace.input.key(key)

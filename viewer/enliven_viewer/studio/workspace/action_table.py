@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from enliven.document import ExampleCharacter
 from enliven.errors import EnlivenError
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.app.viewport_input import ViewportInput, make_tool_action
@@ -67,14 +68,6 @@ def _make_actions(
     yield from make_reading_actions(preferences)
     yield Action("help.palette", "Help", "Find an action...", ("ctrl+k",), lambda: ask("palette"))
     yield Action(
-        "help.tour",
-        "Help",
-        "Take the tour",
-        (),
-        lambda: ask("tour"),
-        about="Make a chair dance, cut off a leg, and save it. You can leave the tour and resume it later.",
-    )
-    yield Action(
         "help.start",
         "Help",
         "Start page",
@@ -120,7 +113,11 @@ def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action
         return ""
 
     def describe_missing_puppet() -> str:
-        return "" if commands.editor.puppets.puppet else "No puppet is chosen. Click a puppet first."
+        return (
+            ""
+            if commands.editor.find_selected(ExampleCharacter)
+            else "No puppet is chosen. Click a puppet first."
+        )
 
     yield Action(
         "file.export",

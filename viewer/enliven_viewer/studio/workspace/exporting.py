@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from enliven.document import ExampleCharacter, Project, RigBase
+from enliven.document import Project, RigBase
 from enliven.errors import EnlivenError, InputError
 from enliven.exporters import (
     IN_PLACE,
@@ -116,7 +116,7 @@ def write_export(
     performances = list[Performance]()
     for number, character in enumerate(chosen):
         progress.report(sampled * number / len(chosen))
-        representation = exporter.representation(morphs and isinstance(character, ExampleCharacter))
+        representation = exporter.representation(morphs and character.is_solved)
         rate, keyed = float(options.rate), exporter.keyed
         performances.append(
             sample_performance(project, character, first, last, rate, how=representation, keyed=keyed)
@@ -160,7 +160,7 @@ def format_options(path: Path, options: ExportOptions, chosen: Sequence[RigBase]
     }
     if ending == FILM_SUFFIX:
         return {"size": options.size, "rate": float(options.rate), "look": options.look}
-    puppets = any(isinstance(character, ExampleCharacter) for character in chosen)
+    puppets = any(character.is_solved for character in chosen)
     return shared | ({"morphs": True} if ending == ".glb" and options.morphs and puppets else {})
 
 

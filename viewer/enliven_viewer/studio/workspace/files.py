@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from enliven.document import Clip, Project, RigBase, are_identical, unused
+from enliven.document import Clip, ExampleCharacter, Project, RigBase, are_identical, unused
 from enliven.errors import InputError
 from enliven.example_sessions.session import Session, read_session
 from enliven.example_sessions.text import write_session
@@ -27,6 +27,7 @@ from enliven.samples.shipped import dancing_cactus, load_sample
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.app.contributions import FileType
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.editor.path_framing import frame_path
 from enliven_viewer.studio.workspace.model_size import choose_size
 
 MODEL_SUFFIXES = GLTF_SUFFIXES
@@ -142,7 +143,7 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
     if editor.edit(later("open {0}", path.name), add):
         editor.select_only(added_ids[-1])
         _show_notes(editor, path, rig.notes, _make_clip_note(editor.project, added_ids[-1]))
-        editor.frame_path()
+        frame_path(editor)
 
 
 def _add_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[str, str]]:
@@ -204,7 +205,7 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
     if editor.edit(later("open {0}", path.name), add):
         editor.select_only(added_ids[-1])
         _show_notes(editor, path, notes, tr("The mesh is now a puppet: press K to put control points on it."))
-        editor.frame_path()
+        frame_path(editor)
 
 
 def _add_session(editor: Editor, path: Path, session: Session) -> None:
@@ -229,7 +230,7 @@ def _add_playing_character(
     if editor.edit(later("open {0}", file_name), add):
         editor.select_only(added_ids[-1])
         _show_notes(editor, Path(file_name), notes, "")
-        editor.frame_path()
+        frame_path(editor)
 
 
 def _add_take(editor: Editor, path: Path, read: tuple[Clip, tuple[str, ...]]) -> None:
@@ -239,7 +240,7 @@ def _add_take(editor: Editor, path: Path, read: tuple[Clip, tuple[str, ...]]) ->
         return project.with_takes(replace(clip, id=unused(path.stem, project.takes)))
 
     if editor.edit(later("open {0}", path.name), add):
-        puppet = editor.puppets.puppet
+        puppet = editor.find_selected(ExampleCharacter)
         remedy = (
             tr("Choose the take in the performer's view, so that {0} follows it.", puppet.id)
             if puppet
@@ -259,15 +260,14 @@ def _add_performance(editor: Editor, path: Path, read: _RecordedTake) -> None:
 
     if editor.edit(later("open {0}", path.name), add):
         remedy = tr("You can cut and merge possessed characters.")
-        if editor.puppets.puppet is not None:
-            remedy = tr(
-                "Choose a take in the performer's view, so that {0} follows it.", editor.puppets.puppet.id
-            )
+        puppet = editor.find_selected(ExampleCharacter)
+        if puppet is not None:
+            remedy = tr("Choose a take in the performer's view, so that {0} follows it.", puppet.id)
         editor.toasts.show_message(tr("{0} added {1}", path.name, ", ".join(added)), remedy)
         fresh = [name for name in editor.project.characters if name not in old_names]
-        if fresh and editor.puppets.puppet is None:
+        if fresh and puppet is None:
             editor.choose_all(*fresh)
-        editor.frame_path()
+        frame_path(editor)
 
 
 def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, ...]]:

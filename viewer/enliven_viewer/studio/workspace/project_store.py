@@ -25,8 +25,8 @@ from enliven.formats.project.file import (
 )
 from enliven.modeling.possessed.solving import solve_lost
 from enliven_viewer.language import tr
+from enliven_viewer.studio.app.contributions import Recording
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.features.perform.recording import StageRecording
 
 PROJECT_SUFFIX = ".enliven"
 _DEFAULT_NAME = "Untitled"
@@ -55,12 +55,12 @@ class ProjectStore:
         folder: folder of the recovery files. None means the user's own data folder.
 
     Attributes:
-        recording: the recording from the stage, which counts as unsaved work while it runs.
+        recording: the recording onto the timeline, which counts as unsaved work while it runs.
     """
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
         self.editor = editor
-        self.recording: StageRecording | None = None
+        self.recording = Recording()
         self.path: Path | None = None
         self.folder = folder or user_data_folder()
         self._saved: Project = editor.history.project
@@ -90,7 +90,7 @@ class ProjectStore:
     @property
     def records(self) -> bool:
         """Returns True if a recording is running."""
-        return self.recording is not None and self.recording.phase == "recording"
+        return self.recording.phase == "recording"
 
     @property
     def title(self) -> str:
@@ -99,8 +99,7 @@ class ProjectStore:
 
     def forget(self) -> None:
         """Discards the unsaved changes, and a running recording."""
-        if self.recording is not None:
-            self.recording.discard()
+        self.recording.discard()
         self._saved = self.editor.history.project
 
     def new(self, project: Project | None = None) -> None:
@@ -151,7 +150,7 @@ class ProjectStore:
         target = path or self.path
         assert target is not None, "a project without a file needs a path"
         project = self.editor.history.project
-        change = self._copy_recording()
+        change = self.recording.make_unfinished_edit()
         written = project if change is None else _add_unfinished_recording(project, change)
         data = project_bytes(written)
         refuse_later_project(target)
@@ -174,10 +173,6 @@ class ProjectStore:
         """
         assert self.path is not None, "the project has no file yet"
         return solve_lost(read_project(self.path))
-
-    def _copy_recording(self) -> Callable[[Project], Project] | None:
-        """Returns the edit that stores the unfinished recording, or None without a recording."""
-        return None if self.recording is None else self.recording.make_unfinished_edit()
 
     def _refuse_changed(self, target: Path, data: bytes) -> None:
         """Raises FileChangedError if the file's content is neither that of this window's last save nor the
@@ -215,7 +210,7 @@ class ProjectStore:
         self.settle()
 
     def _begin_writing(self) -> None:
-        project, change = self.editor.history.project, self._copy_recording()
+        project, change = self.editor.history.project, self.recording.make_unfinished_edit()
         if change is None and (project is self._autosaved or not self.dirty):
             return
         self._writer = self._writer or ThreadPoolExecutor(1, "autosave")

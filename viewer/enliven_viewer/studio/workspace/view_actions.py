@@ -9,8 +9,10 @@ import numpy as np
 
 from enliven.document import CameraMark
 from enliven_viewer.language import later, tr
+from enliven_viewer.render.stage_look import LOOKS
 from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.editor.path_framing import frame_path
 from enliven_viewer.studio.preferences import TEXT_SIZES, Preferences
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.theme import is_light
@@ -132,6 +134,13 @@ def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
     )
 
 
+def _switch_look(editor: Editor) -> None:
+    """Switches the stage to the next look."""
+    names = list(LOOKS)
+    editor.look = names[(names.index(editor.look) + 1) % len(names)]
+    editor.toasts.show_message(tr("Look: {0}", tr(editor.look)))
+
+
 def make_camera_actions(c: Commands) -> Iterator[Action]:
     """Yields the actions for the visibility of bones and for the camera."""
     editor, right = c.editor, np.pi / 2
@@ -146,7 +155,7 @@ def make_camera_actions(c: Commands) -> Iterator[Action]:
         "View",
         "Frame the whole path",
         ("ctrl+f",),
-        editor.frame_path,
+        lambda: frame_path(editor),
         about="Shows the whole path of the chosen shape, or of all shapes if none is chosen.",
     )
     yield Action(
@@ -172,7 +181,7 @@ def make_camera_actions(c: Commands) -> Iterator[Action]:
         "View",
         "Next look",
         ("shift+l",),
-        editor.switch_look,
+        lambda: _switch_look(editor),
         about="Switches to the next preset of light, backdrop and floor: studio, night, white, dawn, garden.",
     )
     sides = (

@@ -8,30 +8,25 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from enliven.document import Project
+from enliven.document import ExampleCharacter, Project
 from enliven.errors import EnlivenError
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.palette_search import PaletteSearch
 from enliven_viewer.studio.actions.shortcut_capture import ShortcutCapture
 from enliven_viewer.studio.app.app import App
+from enliven_viewer.studio.app.file_browser import FileBrowser
 from enliven_viewer.studio.editor.background import WorkProgress
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.features.registry import register_features
-from enliven_viewer.studio.features.tour.tour import Tour
-from enliven_viewer.studio.puppets.coverage import CoverageCache
 from enliven_viewer.studio.workspace.action_table import make_studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.depth_tracking import DepthTracking, lacks_tracking
 from enliven_viewer.studio.workspace.exporting import ExportOptions, write_export
-from enliven_viewer.studio.workspace.file_browser import FileBrowser
 from enliven_viewer.studio.workspace.files import (
     EXPORT_SUFFIXES,
     FILE_TYPES,
     FILM_SUFFIX,
-    PERFORMANCE_SUFFIXES,
     SESSION_SUFFIXES,
-    TAKE_SUFFIXES,
     add_file,
     add_sample,
     list_exportable,
@@ -57,12 +52,10 @@ class Workspace(App):
     Attributes:
         commands: the functions behind the studio's own actions.
         depth: the tracker for opened depth recordings.
-        browser: the state of a file dialogue.
         exporting: the options of the next export or film.
         finding: the search of the command palette. wanted_key: the shortcut change in the preferences.
         history_shown: True if the history list is open. history_seen: its length and step when it was last
             drawn.
-        starting: True to show the start page while the project is empty. tour: the running tour.
         caption: the caption of a scripted session; empty without one.
         pressed: the key that a scripted session is pressing.
         compared: the differences between the project and its file, once they were requested.
@@ -80,23 +73,18 @@ class Workspace(App):
         self.input.key_filter = lambda key: (
             self.actions.press(key, workspace_only=True) or any(handle(key) for handle in self.key_handlers)
         )
-        self.puppets = editor.puppets
-        self.add_state(CoverageCache())
         self.store, self.depth = ProjectStore(editor, folder), DepthTracking(editor)
         self.transport_sections.append(self._draw_tracking)
         self.caption = self.pressed = ""
-        self.browser: FileBrowser | None = None
         self.exporting = ExportOptions()
         self.finding, self.wanted_key = PaletteSearch(self.actions), ShortcutCapture()
         self.history_shown, self.history_seen = False, (0, 0)
-        self.ended = self.starting = False
+        self.ended = False
         self.compared: tuple[Difference, ...] | None = None
-        self.tour: Tour | None = None
         self._after = ""
         self._path_to_open: Path | None = None
         register_features(self)
-        self.perform = self.state(PerformSession)
-        self.store.recording = self.perform.recording
+        self.store.recording = self.recording
 
     @classmethod
     def new(cls, editor: Editor, folder: Path | None = None) -> Workspace:
@@ -113,8 +101,6 @@ class Workspace(App):
             self.store.new(Project().with_takes(*read_library()))
         elif dialogue == "quit":
             self.ended = True
-        elif dialogue == "tour":
-            self._begin_tour()
         elif dialogue == "start":
             self.starting = not self.starting
         elif dialogue.startswith("sample "):
@@ -125,7 +111,7 @@ class Workspace(App):
             self.history_shown = not self.history_shown
         elif dialogue == "save" and self.store.path is not None:
             self.run_and_report(self.save)
-        elif dialogue in ("open", "save", "save as", "export", "film", "session", "perform"):
+        elif dialogue in ("open", "save", "save as", "export", "film", "session", *self.file_dialogs):
             self._browse("save as" if dialogue == "save" else dialogue)
         else:
             self.finding, self.wanted_key = PaletteSearch(self.actions), ShortcutCapture()
@@ -139,8 +125,7 @@ class Workspace(App):
         add_sample(self.editor, name)
         character = self.editor.find_selected()
         if character is not None and character.is_possessable:
-            self.perform.active_workspace = "Perform"
-            self.perform.put_when_ready(character.id)
+            self.live.put(character.id)
 
     def open(self, path: Path) -> None:
         """Adds a model or take, or opens a project. Asks first if unsaved work would be lost.
@@ -205,8 +190,8 @@ class Workspace(App):
             self.open(path)
         elif dialogue in ("export", "film"):
             self._export(path)
-        elif dialogue == "perform":
-            self.perform.connect_local("--loop", "--recording", str(path))
+        elif dialogue in self.file_dialogs:
+            self.file_dialogs[dialogue].open(path)
         elif dialogue == "session":
             save_session(self.editor.project, self.editor.selection.character or "", path)
             self.editor.toasts.show_message(
@@ -224,7 +209,7 @@ class Workspace(App):
             self._run_waiting_command()
             return
         # Stop the recording first, so that it becomes part of the saved project.
-        self.perform.recording.stop()
+        self.recording.stop()
         if self.store.path is not None:
             self.run_and_report(self.save)
         else:
@@ -279,32 +264,10 @@ class Workspace(App):
     def _find_differences(self) -> tuple[Difference, ...]:
         return compare_projects(self.editor.history.project, self.store.read_saved())
 
-    def _begin_tour(self) -> None:
-        """Starts the tour, or resumes it at the last step. Restarts a running tour."""
-        number = 0 if self.tour is not None else self.preferences.tour_step
-        self.starting, self.tour = False, Tour(self, self.drawn, number)
-
-    def watch_tour(self, seconds: float, origin: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Lets the tour check the current step. Call once per frame.
-
-        Args:
-            seconds: time since the last frame.
-            origin: the top left corner of the image, in the window's pixels.
-        """
-        if self.tour is None:
-            return
-        self.tour.check_progress(seconds, origin)
-        number = 0 if self.tour.step is None else self.tour.number
-        if number != self.preferences.tour_step:
-            self.preferences.tour_step = number
-            self.preferences.save()
-
-    def end_tour(self) -> None:
-        """Closes the tour, which can be resumed later."""
-        if self.tour is not None:
-            self.tour.restore_state()
-        self.tour, self.preferences.toured = None, True
-        self.preferences.save()
+    @property
+    def is_saved(self) -> bool:
+        """Returns True if the project has a file without unsaved changes."""
+        return self.store.named and not self.store.dirty
 
     def cancel(self) -> None:
         """Closes the dialogue and drops the waiting command."""
@@ -349,12 +312,12 @@ class Workspace(App):
             "export": EXPORT_SUFFIXES,
             "film": (FILM_SUFFIX,),
             "session": SESSION_SUFFIXES,
-            "perform": (*PERFORMANCE_SUFFIXES, *TAKE_SUFFIXES),
+            **{name: opened.suffixes for name, opened in self.file_dialogs.items()},
         }[dialogue]
-        puppet, unnamed = self.editor.puppets.puppet, self.store.path is None
+        puppet, unnamed = self.editor.find_selected(ExampleCharacter), self.store.path is None
         about_it = dialogue == "session" or (dialogue in ("export", "film") and unnamed)
         stem = puppet.id if puppet is not None and about_it else self.store.name
-        opens = dialogue in ("open", "perform")
+        opens = dialogue == "open" or dialogue in self.file_dialogs
         name = "" if opens else f"{stem}{endings[0]}"
         project_path = self.store.path if dialogue == "save as" else None
         self.browser = FileBrowser(folder, endings, name, not opens, project_path)

@@ -126,7 +126,8 @@ class CurveInput:
         self._collect_samples()
         axis, project = self.axis.scale, self.editor.project
         if self.editor.find_selected() is not None:
-            project = self.editor.motion_solver.find_shown(project, subject.character)[0]
+            kind = project.character(subject.character).kind
+            project = self.editor.rig_editors[kind].find_shown(project, subject.character)[0]
         request = _CurveRequest(project, subject, axis.start, axis.visible_s)
         if self._sampling is None and not request.matches(self._samples[0] if self._samples else None):
             self._pool = self._pool or ThreadPoolExecutor(1, "curves")
@@ -158,7 +159,7 @@ class CurveInput:
         """
         chosen = self.editor.find_selected()
         if chosen is not None:
-            self.editor.motion_solver.settle(self.editor.project, chosen.id)
+            self.editor.rig_editors[chosen.kind].settle_motion(self.editor.project, chosen.id)
         self.refresh()
         while self._sampling is not None:
             wait_for([self._sampling[1]])

@@ -99,7 +99,7 @@ class Ghosts:
     def _sample_request(self, character: RigBase) -> SampleRequest:
         editor, settings = self.editor, self.editor.settings
         project = editor.project
-        project, character = editor.motion_solver.find_shown(project, character.id)
+        project, character = editor.rig_editors[character.kind].find_shown(project, character.id)
         step, length = settings.frame_step, editor.length
         first = int(np.ceil(max(editor.time - settings.trail, 0.0) / step))
         last = int(min(editor.time + settings.trail, length) / step)

@@ -20,6 +20,7 @@ from enliven_viewer.studio.editor.takes import delete_take_row
 from enliven_viewer.studio.features.outliner.outliner import Outliner
 from enliven_viewer.studio.features.outliner.tree import CHARACTER, GROUP, HANDLE, LIVE, TAKE, Row
 from enliven_viewer.studio.features.perform.session import PerformSession
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.viewport.colours import choose_default_colour
 from enliven_viewer.theme import ACCENT, CLEAR, FAINT, INK, QUIET
 
@@ -197,7 +198,7 @@ def _handle_click(app: App, outliner: Outliner, row: Row, *, fold: bool) -> None
     elif row.kind in (CHARACTER, HANDLE):
         outliner.click(row, shift=io.key_shift, ctrl=io.key_ctrl)
         is_single = not app.editor.selection.has_several
-        if is_single and app.editor.puppets.puppet is not None:
+        if is_single and get_puppet_editor(app.editor).puppet is not None:
             app.input.activate_tool("puppet")
 
 

@@ -115,10 +115,8 @@ def _make_handle_rows(character: RigBase) -> Iterator[Row]:
     of a possessed mesh.
     """
     handle_label = _HANDLE_WORDS.get(character.kind, later("bone"))
-    if isinstance(character, GraphCharacter):
-        for number, part in enumerate(character.parts) if len(character.parts) > 1 else ():
-            yield Row(HANDLE, character.id, part.take, handle_label, number, 2)
-        return
+    for number, take in enumerate(character.performed_parts):
+        yield Row(HANDLE, character.id, take, handle_label, number, 2)
     parents, names = character.parents, character.handles
     below: dict[int, list[int]] = {}
     for number, parent in enumerate(parents):

@@ -12,7 +12,8 @@ from enliven_viewer.language import later
 from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.live.possession_choice import PART_CHOICES
 from enliven_viewer.studio.actions.action import Action
-from enliven_viewer.studio.features.perform.session import WORKSPACES, PerformSession
+from enliven_viewer.studio.app.workspace_tabs import WORKSPACES
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.features.perform.stage_switches import LOOSE_LABELS
 
 _FIRST_LABELS = {

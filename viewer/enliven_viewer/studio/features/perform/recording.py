@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Literal
 
 from enliven.document import Project
 from enliven.errors import InputError
@@ -12,6 +11,7 @@ from enliven.overdub.performance import PerformedMotion
 from enliven.overdub.performance_takes import add_performance
 from enliven_viewer.language import later, tr
 from enliven_viewer.live.live_stage import LiveStage
+from enliven_viewer.studio.app.contributions import Phase, Recording
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.perform.recorder import LiveRecorder
 from enliven_viewer.studio.features.perform.secondary_edges import SecondaryEdge
@@ -28,10 +28,9 @@ _RECORD_PREFIX = "record "
 """Prefix of a recording's name in the undo history."""
 _MUTE_PREFIX = "silence "
 """Prefix of the name in the undo history of the edit that mutes takes before recording an alternative."""
-Phase = Literal["idle", "counting", "recording"]
 
 
-class StageRecording:
+class StageRecording(Recording):
     """Records a stage until the artist stops it, and stores the recording as one edit of the project.
 
     Args:
@@ -45,7 +44,6 @@ class StageRecording:
 
     Attributes:
         recorder: receives all messages.
-        phase: the state: no recording, counting in, or running.
         replaces: True if a recording replaces the existing motion of the moved bones. Otherwise it is added
             (overdub).
         count_in: whether three beats precede a recording.
@@ -65,7 +63,7 @@ class StageRecording:
     ) -> None:
         self.editor = editor
         self.recorder = LiveRecorder()
-        self.phase: Phase = "idle"
+        self.phase = "idle"
         self.phase_when_pressed: Phase = "idle"
         self.replaces = False
         self.count_in, self.hold_still = True, 0.0

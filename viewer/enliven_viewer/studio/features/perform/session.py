@@ -22,6 +22,7 @@ from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.timeline import Timeline
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.settings import PlaybackSettings
+from enliven_viewer.studio.app.workspace_tabs import WorkspaceTabs, has_tools
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.perform.cameras import CameraSearch
 from enliven_viewer.studio.features.perform.character_sizes import CharacterSizes
@@ -35,9 +36,6 @@ from enliven_viewer.studio.features.perform.secondary_edges import SecondaryEdge
 from enliven_viewer.studio.features.perform.stage_sender import StageSender
 from enliven_viewer.studio.features.perform.stage_switches import StagePhysics, StageVoice
 
-WORKSPACES = ("Perform", "Animate", "Model", "Play")
-"""The workspaces, which differ in their panels. The loaded project stays the same."""
-
 
 class PerformSession:
     """The window's connection to one edge or to a take, and the recordings from it.
@@ -45,9 +43,9 @@ class PerformSession:
     Args:
         editor: the editor; recordings become edits of its project.
         folder: folder of the stored addresses.
+        tabs: the choice of the workspace.
 
     Attributes:
-        active_workspace: the current workspace, one of :data:`WORKSPACES`.
         live: the followed stage or take; None without a link.
         live_hidden: whether the live stage is hidden outside the Perform workspace.
         scene: the live scene, shown next to the project's characters; None without a link.
@@ -65,10 +63,10 @@ class PerformSession:
         shared_space: places several edges in one space.
     """
 
-    def __init__(self, editor: Editor, folder: Path | None = None) -> None:
-        self.editor = editor
+    def __init__(self, editor: Editor, folder: Path | None = None, tabs: WorkspaceTabs | None = None) -> None:
+        self.editor, self.tabs = editor, tabs or WorkspaceTabs()
         self.addresses = Addresses(folder)
-        self.active_workspace, self.live_hidden = "Animate", False
+        self.live_hidden = False
         self.live: LiveStage | None = None
         self.scene: Scene | None = None
         self.stage_selection = ""
@@ -97,6 +95,15 @@ class PerformSession:
         self._awaiting_stage: tuple[str, ...] = ()  # Characters that wait for a stage.
 
     @property
+    def active_workspace(self) -> str:
+        """The current workspace."""
+        return self.tabs.active
+
+    @active_workspace.setter
+    def active_workspace(self, name: str) -> None:
+        self.tabs.active = name
+
+    @property
     def shortcut_workspace(self) -> str:
         """Returns the name of the workspace that determines the active shortcuts. Returns an empty string in
         *Play* without a stage, because there the general shortcuts play the project.
@@ -106,7 +113,7 @@ class PerformSession:
     @property
     def hides_live(self) -> bool:
         """Returns True if the live stage is hidden, which applies only outside the Perform workspace."""
-        return self.live_hidden and self.active_workspace in ("Animate", "Model")
+        return self.live_hidden and has_tools(self.active_workspace)
 
     # The link ---------------------------------------------------------------------------------------------
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 
-from enliven.document import GraphCharacter, Project, RigBase
+from enliven.document import Project, RigBase
 from enliven.formats.project.one_character import texture_bytes
 from enliven.wire import MAX_TEXTURE_BYTES, Answer, Done, Refused
 from enliven_viewer.language import later, tr
@@ -107,12 +107,12 @@ class StageSender:
 
 
 def _differs_in_motion_only(character: RigBase, sent: RigBase) -> bool:
-    """Returns True if an edit of a possessed mesh changed only its motion.
+    """Returns True if an edit changed only the motion of a character whose motion the edge does not need.
 
-    The edge needs only the rest pose, so such an edit is not sent.
+    Such an edit is not sent.
     """
-    kinds = isinstance(character, GraphCharacter) and isinstance(sent, GraphCharacter)
-    return kinds and all(
-        getattr(character, attribute) is getattr(sent, attribute)
-        for attribute in (*character.drawn_by, "ends", "joints")
+    names = character.sent_by
+    is_same_rig = bool(names) and names == sent.sent_by
+    return is_same_rig and all(
+        getattr(character, attribute) is getattr(sent, attribute) for attribute in names
     )

@@ -17,6 +17,7 @@ from enliven_viewer.studio.puppets.example_edits import (
     remove_constraint_from,
     with_constraint,
 )
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 
 _REMOVE_ICON = "\uf00d"
 
@@ -34,7 +35,7 @@ def draw_constraints(app: App, puppet: ExampleCharacter) -> None:
 
 def draw_constraint_buttons(app: App, puppet: ExampleCharacter) -> None:
     """Draws the buttons that add a hard constraint of the selected control point at the playhead."""
-    editor, chosen = app.editor, app.editor.puppets.point
+    editor, chosen = app.editor, get_puppet_editor(app.editor).point
     number = find_layer_number(puppet, editor.selection.layer)
     if chosen is None or number is None:
         return
@@ -45,7 +46,7 @@ def draw_constraint_buttons(app: App, puppet: ExampleCharacter) -> None:
     third = ImVec2((imgui.get_content_region_avail().x - 16) / 3, 0)
     new_constraint: HardConstraint | None = None
     if imgui.button(labelled(tr("Here"), "Here"), third):
-        x, y, z = editor.puppets.current_places(puppet)[chosen].tolist()
+        x, y, z = get_puppet_editor(editor).current_places(puppet)[chosen].tolist()
         new_constraint = Position(name, frame, (x, y, z))
     app.remember("hold here")
     draw_tooltip(tr("Fixes {0} at its current place in this frame", name))

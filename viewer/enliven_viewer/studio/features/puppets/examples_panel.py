@@ -29,6 +29,7 @@ from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.features.puppets.points_panel import draw_points, suggest_points
 from enliven_viewer.studio.features.puppets.solver_settings import draw_settings
 from enliven_viewer.studio.puppets.example_edits import find_layer_number, with_guessed_joints
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.theme import ACCENT, BAD, GOOD, INK, QUIET, RAISED, Colour
 
 _BACK_ICON = "\uf060"
@@ -42,7 +43,7 @@ _STATUS_HEIGHT = 66.0
 
 def draw_examples(app: App, area: Area) -> None:
     """Draws the panel of the selected puppet at the right."""
-    puppet = app.editor.puppets.puppet
+    puppet = get_puppet_editor(app.editor).puppet
     with open_panel("side", area):
         if puppet is None:
             return
@@ -50,7 +51,7 @@ def draw_examples(app: App, area: Area) -> None:
         draw_status(app, puppet)
         _draw_next_step(app, puppet)
         draw_points(app, puppet)
-        puppet = app.editor.puppets.puppet
+        puppet = get_puppet_editor(app.editor).puppet
         number = None if puppet is None else find_layer_number(puppet, app.editor.selection.layer)
         if puppet is not None and number is not None:
             for draw_section in app.layer_sections:
@@ -64,7 +65,7 @@ def draw_examples(app: App, area: Area) -> None:
 def _draw_head(app: App, puppet: ExampleCharacter) -> None:
     """Draws the button back to the side panel, and the puppet's name."""
     if imgui.button(_BACK_ICON, ImVec2(30, 0)):
-        app.editor.puppets.accept()
+        get_puppet_editor(app.editor).accept()
         app.editor.select_only(None)
     app.remember("all shapes")
     draw_tooltip("Closes this panel, and shows the list of all shapes")
@@ -85,11 +86,11 @@ def _draw_next_step(app: App, puppet: ExampleCharacter) -> None:
 def _find_next_step(app: App, puppet: ExampleCharacter) -> tuple[str, str, Callable[[], object]]:
     """Returns the next step for a puppet: label, description and command."""
     editor, take = app.editor, app.state(PerformerView).take
-    if editor.puppets.number is not None:
+    if get_puppet_editor(editor).number is not None:
         return (
             tr("Done"),
             tr("Keeps the key pose, and plays the puppet's motion  (Enter)"),
-            editor.puppets.accept,
+            get_puppet_editor(editor).accept,
         )
     if not puppet.points:
         points_hint = tr(
@@ -110,7 +111,7 @@ def _find_next_step(app: App, puppet: ExampleCharacter) -> tuple[str, str, Calla
 
 def draw_status(app: App, puppet: ExampleCharacter) -> None:
     """Shows the missing inputs of the puppet, or the error that prevents its motion, or that it can move."""
-    project, solving = app.editor.project, app.editor.motion_solver
+    project, solving = app.editor.project, get_puppet_editor(app.editor).motion_solver
     lacking, problem = get_rig_edits(puppet).find_missing_data(project, puppet), solving.problem(puppet.id)
     if lacking:
         _draw_box(app, ACCENT, tr("Needed before the puppet moves"), _merge_pairing_sentences(lacking))

@@ -13,10 +13,14 @@ from enliven_viewer.studio.features.puppets.puppet_commands import (
 )
 from enliven_viewer.studio.features.puppets.puppet_panels import PuppetPanels
 from enliven_viewer.studio.features.puppets.puppet_tool import PuppetTool
+from enliven_viewer.studio.puppets.coverage import CoverageCache
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 
 
 def register(app: App) -> None:
     """Registers puppets."""
+    get_puppet_editor(app.editor)  # This call registers the editor of puppets.
+    app.add_state(CoverageCache())
     view, commands = app.add_state(PerformerView(app.editor)), app.add_state(PuppetCommands(app.editor))
     poses, panels = app.add_state(KeyPoseNavigator(app.input, view)), PuppetPanels(app, view)
     app.open_key_pose, app.begin_key_pose = poses.edit, poses.begin

@@ -6,6 +6,7 @@ from enliven.document import ExampleCharacter
 from enliven_viewer.studio.app.viewport_input import ViewportInput
 from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.puppets.example_edits import find_layer_number
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 
 _FRAMING_MARGIN = 1.35
 """Size of the view relative to a puppet when the camera moves to it. 1 fills the view, larger values leave a
@@ -18,7 +19,7 @@ class KeyPoseNavigator:
 
     def __init__(self, user_input: ViewportInput, performer: PerformerView) -> None:
         self.input, self.performer = user_input, performer
-        self.editor, self.puppets = user_input.editor, user_input.editor.puppets
+        self.editor, self.puppets = user_input.editor, get_puppet_editor(user_input.editor)
 
     def edit(self, number: int) -> None:
         """Edits a key pose.

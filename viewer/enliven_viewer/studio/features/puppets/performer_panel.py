@@ -13,6 +13,7 @@ from enliven_viewer.studio.app.panel_layout import Area
 from enliven_viewer.studio.app.style import draw_note, open_panel, pack_colour, use_small_text
 from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.puppets.example_edits import find_layer_number
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.theme import ACCENT, DARK, GLASS, INK, LINE, QUIET
 
 _MIN_ARROW_WIDTH = 110.0
@@ -37,7 +38,7 @@ def draw_performer(app: App, area: Area, texture: int | None) -> None:
 
 def _draw_bar(app: App, area: Area) -> None:
     """Draws the take field, the button that plays the take, and the button that links both views."""
-    view, puppet = app.state(PerformerView), app.editor.puppets.puppet
+    view, puppet = app.state(PerformerView), get_puppet_editor(app.editor).puppet
     takes = app.editor.project.takes
     unused = (
         puppet is not None and view.take is not None and find_layer_number(puppet, None, view.take) is None
@@ -126,8 +127,8 @@ def _draw_texts(app: App, origin: ImVec2, area: Area) -> None:
         if view.hovered is not None and figure is not None:
             x, y = view.lens.project(figure.joints)[0][view.hovered]
             name = figure.skeleton.names[view.hovered]
-            point = app.editor.puppets.point
-            puppet = app.editor.puppets.puppet
+            point = get_puppet_editor(app.editor).point
+            puppet = get_puppet_editor(app.editor).puppet
             if point is not None and puppet is not None:
                 name = tr("{0} follows {1}", puppet.points[point].name, name)
             width = imgui.calc_text_size(name).x + 14

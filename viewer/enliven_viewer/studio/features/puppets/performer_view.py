@@ -21,6 +21,7 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.render.camera import TURN_PER_PIXEL, OrbitCamera
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.puppets.example_edits import find_layer_number, with_joint
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.viewport.overlay import Point
 from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.studio.viewport.stage_character import find_joints
@@ -73,7 +74,7 @@ class PerformerView:
         chosen take.
         """
         editor = self.editor
-        key, puppet = editor.puppets.key, editor.puppets.puppet
+        key, puppet = get_puppet_editor(editor).key, get_puppet_editor(editor).puppet
         if key is not None:
             return key.take
         if self._take in editor.project.takes:
@@ -87,7 +88,7 @@ class PerformerView:
         editor, take = self.editor, self.take
         if take is None or take not in editor.project.takes:
             return None
-        key = editor.puppets.key
+        key = get_puppet_editor(editor).key
         return (key.take, key.time) if key is not None else (take, self.playhead(take))
 
     @property
@@ -97,7 +98,7 @@ class PerformerView:
 
     def playhead(self, take: str) -> float:
         """Returns the time in a take at the project's time, regardless of an edited key pose."""
-        editor, puppet = self.editor, self.editor.puppets.puppet
+        editor, puppet = self.editor, get_puppet_editor(self.editor).puppet
         number = None if puppet is None else find_layer_number(puppet, editor.selection.layer, take)
         if puppet is not None and number is not None:
             return puppet.layers[number].find_played_time(editor.time, editor.project.takes[take].duration)[0]
@@ -106,7 +107,7 @@ class PerformerView:
     def show(self, take: str) -> None:
         """Shows a take. A puppet without layers also plays it from now on."""
         self._take = take
-        puppet = self.editor.puppets.puppet
+        puppet = get_puppet_editor(self.editor).puppet
         if puppet is None:
             return
         number = find_layer_number(puppet, None, take)
@@ -117,7 +118,7 @@ class PerformerView:
 
     def play(self) -> None:
         """Adds the shown take to the puppet as another layer."""
-        puppet, take = self.editor.puppets.puppet, self.take
+        puppet, take = get_puppet_editor(self.editor).puppet, self.take
         if puppet is not None and take is not None:
             name = puppet.id
             if self.editor.edit(
@@ -129,7 +130,7 @@ class PerformerView:
         """Prepares a frame: turns with the stage's view, frames the performer, and passes the shown moment to
         the puppets.
         """
-        self.editor.puppets.moment = self.moment
+        get_puppet_editor(self.editor).moment = self.moment
         figure = self.figure()
         if figure is None:
             return
@@ -177,7 +178,7 @@ class PerformerView:
 
     def paired(self) -> dict[int, int]:
         """Returns the number of the control point for each paired joint of the performer."""
-        puppet, moment = self.editor.puppets.puppet, self.moment
+        puppet, moment = get_puppet_editor(self.editor).puppet, self.moment
         if puppet is None or moment is None:
             return {}
         names = {name: k for k, name in enumerate(self.editor.project.takes[moment[0]].skeleton.names)}
@@ -195,7 +196,7 @@ class PerformerView:
         that is paired with the joint.
         """
         editor = self.editor
-        puppet, number = editor.puppets.puppet, editor.puppets.point
+        puppet, number = get_puppet_editor(editor).puppet, get_puppet_editor(editor).point
         if puppet is None:
             return
         if number is None:

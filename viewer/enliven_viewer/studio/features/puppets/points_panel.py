@@ -23,6 +23,7 @@ from enliven_viewer.studio.app.style import (
 from enliven_viewer.studio.features.puppets.constraints import draw_constraint_buttons
 from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.puppets.example_edits import turn_quarter, with_guessed_joints, with_points
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.puppets.symmetry import find_plane
 from enliven_viewer.theme import ACCENT, INK, QUIET, RAISED, SHADOW, get_point_colour
 
@@ -45,7 +46,7 @@ def draw_points(app: App, puppet: ExampleCharacter) -> None:
         )
     for number, point in enumerate(puppet.points):
         _draw_row(app, puppet, number, point)
-        if app.editor.puppets.point == number:
+        if get_puppet_editor(app.editor).point == number:
             _draw_point_fields(app, puppet, point)
     _draw_buttons(app, puppet)
     _draw_symmetry(app, puppet)
@@ -79,7 +80,7 @@ def _turn_mesh(app: App, puppet: str, axis: str) -> None:
 def _draw_row(app: App, puppet: ExampleCharacter, number: int, point: ControlPoint) -> None:
     """Draws one point: its mark as in the 3D view, its name, and its joint."""
     origin, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
-    puppets = app.editor.puppets
+    puppets = get_puppet_editor(app.editor)
     if imgui.invisible_button(f"##point {number}", ImVec2(width, _ROW_HEIGHT - 4)):
         app.editor.select_only(puppet.id, None if puppets.point == number else number)
     app.remember(f"point {point.name}")
@@ -129,7 +130,7 @@ def _draw_point_fields(app: App, puppet: ExampleCharacter, point: ControlPoint) 
     draw_switch(app, "soft", point.weight is not None, edit("weight", lambda on: 1.0 if on else None), tip)
     imgui.same_line()
     if imgui.button(labelled(tr("Remove"), "Remove")):
-        editor.puppets.remove_point()
+        get_puppet_editor(editor).remove_point()
     app.remember("remove point")
     if point.weight is not None:
         draw_slider(app, "weight", point.weight, 0.01, 100.0, tr("pull %.2f"), edit("weight", float))
@@ -207,12 +208,13 @@ def _draw_symmetry(app: App, puppet: ExampleCharacter) -> None:
     with use_small_text(), push_colours(QUIET, imgui.Col_.text):
         imgui.text_unformatted(tr(_AXIS_LABELS[normal.index(max(normal))]))
     toggled, is_symmetric = imgui.checkbox(
-        labelled(tr("edit both sides at once"), "edit both sides at once"), editor.puppets.symmetric
+        labelled(tr("edit both sides at once"), "edit both sides at once"),
+        get_puppet_editor(editor).symmetric,
     )
     app.remember("both sides")
     draw_tooltip("Puts and drags each control point together with its mirror image")
     if toggled:
-        editor.puppets.set_symmetric(is_symmetric)
+        get_puppet_editor(editor).set_symmetric(is_symmetric)
 
 
 def set_mirrored(app: App, puppet: ExampleCharacter, on: bool) -> None:
@@ -222,10 +224,10 @@ def set_mirrored(app: App, puppet: ExampleCharacter, on: bool) -> None:
     """
     editor = app.editor
     plane = find_plane(puppet) if on else None
-    editor.puppets.set_symmetric(on and not puppet.poses)
+    get_puppet_editor(editor).set_symmetric(on and not puppet.poses)
     if (plane is None) == (puppet.symmetry is None):
         if on:
-            editor.puppets.set_symmetric(True)  # This call reports a mesh without a mirror plane.
+            get_puppet_editor(editor).set_symmetric(True)  # This call reports a mesh without a mirror plane.
         return
     edit_name = later("symmetric") if plane else later("not symmetric")
     editor.edit(edit_name, lambda project: set_symmetry(project, puppet.id, plane))

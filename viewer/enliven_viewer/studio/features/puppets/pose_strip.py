@@ -28,6 +28,7 @@ from enliven_viewer.studio.features.puppets.performer_view import PerformerFigur
 from enliven_viewer.studio.features.puppets.thumbnails import SIDE, Thumbnails
 from enliven_viewer.studio.puppets.coverage import CoverageCache, TakeCoverage
 from enliven_viewer.studio.puppets.example_edits import duplicate_pose, mirror_pose, retime_pose
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, GLASS, GOOD, INK, LINE, QUIET, RAISED, UNTINTED
 
 
@@ -66,7 +67,7 @@ def draw_strip(app: App, area: Area, thumbnails: Thumbnails) -> None:
     """Draws all key poses in order of time, then the suggested key poses, and buttons for the edited key
     pose.
     """
-    puppet = app.editor.puppets.puppet
+    puppet = get_puppet_editor(app.editor).puppet
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(12, 6))
     with open_panel("strip", area, flags):
@@ -97,7 +98,7 @@ def _scroll_with_wheel() -> None:
 
 def _draw_head(app: App, puppet: ExampleCharacter, coverage: TakeCoverage | None) -> None:
     """Draws the number of key poses, the number still needed, and buttons for the edited key pose."""
-    puppets = app.editor.puppets
+    puppets = get_puppet_editor(app.editor)
     imgui.align_text_to_frame_padding()
     with use_small_text(), push_colours(QUIET, imgui.Col_.text):
         imgui.text_unformatted(tr("KEY POSES   {0}", len(puppet.poses) or ""))
@@ -156,13 +157,13 @@ def run_pose_command(app: App, puppet: ExampleCharacter, number: int, label: str
     """Runs the command of a button or menu entry on a key pose."""
     editor, key, name = app.editor, puppet.poses[number], puppet.id
     if label == "Done":
-        editor.puppets.accept()
+        get_puppet_editor(editor).accept()
     elif label == "Cancel":
-        editor.puppets.cancel()
+        get_puppet_editor(editor).cancel()
     elif label == "Edit":
         app.state(KeyPoseNavigator).edit(number)
     elif label == "Remove":
-        editor.puppets.accept()
+        get_puppet_editor(editor).accept()
         editor.edit("remove a key pose", lambda project: remove_key_pose(project, name, number))
     elif label == "Here":
         moved = app.state(PerformerView).playhead(key.take)
@@ -218,7 +219,7 @@ def _draw_add_button(app: App, puppet: ExampleCharacter) -> None:
 
 def _draw_tile(app: App, puppet: ExampleCharacter, number: int, place: int, thumbnails: Thumbnails) -> None:
     """Draws one key pose. A click edits it."""
-    pose, chosen = puppet.poses[number], app.editor.puppets.number == number
+    pose, chosen = puppet.poses[number], get_puppet_editor(app.editor).number == number
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_group()
     if imgui.invisible_button(f"##pose {number}", TILE_SIZE):

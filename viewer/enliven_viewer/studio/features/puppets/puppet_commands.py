@@ -17,6 +17,7 @@ from enliven_viewer.studio.actions.action import Action
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.editor.framing import find_side_offset
 from enliven_viewer.studio.editor.selection_actions import require_single_shape
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 
 
 class PuppetCommands:
@@ -50,7 +51,7 @@ class PuppetCommands:
 
     def toggle_silhouette(self) -> None:
         """Switches the silhouette of the previous key pose, which is shown while a key pose is edited."""
-        puppets = self.editor.puppets
+        puppets = get_puppet_editor(self.editor)
         puppets.silhouette = not puppets.silhouette
         self.editor.toasts.show_message(
             tr("The previous key pose is outlined")
@@ -60,7 +61,7 @@ class PuppetCommands:
 
     def toggle_warning(self) -> None:
         """Switches the display of self-intersecting faces, which are marked while a key pose is edited."""
-        puppets = self.editor.puppets
+        puppets = get_puppet_editor(self.editor)
         puppets.warn = not puppets.warn
         self.editor.toasts.show_message(
             tr("Self-intersecting faces are red")
@@ -70,7 +71,7 @@ class PuppetCommands:
 
     def bake_puppet(self) -> bool:
         """Bakes the puppet into a possessed mesh with the same motion, which can be merged with others."""
-        puppet, editor = self.editor.puppets.puppet, self.editor
+        puppet, editor = get_puppet_editor(self.editor).puppet, self.editor
         if puppet is None:
             return False
         project = editor.project
@@ -114,7 +115,7 @@ class PuppetCommands:
 
     def describe_missing_examples(self) -> str:
         """Returns the reason why no puppet can be baked, or an empty text if one can be baked."""
-        puppet = self.editor.puppets.puppet
+        puppet = get_puppet_editor(self.editor).puppet
         if puppet is None:
             return "No puppet is chosen. Click a puppet first."
         return " ".join(get_rig_edits(puppet).find_missing_data(self.editor.project, puppet))
@@ -123,7 +124,7 @@ class PuppetCommands:
         """Returns the selected character if it has a surface and is not a puppet."""
         chosen = self.editor.find_selected()
         solid = chosen is not None and chosen.mesh is not None and len(chosen.mesh.faces) > 0
-        return chosen if solid and chosen is not self.editor.puppets.puppet else None
+        return chosen if solid and chosen is not get_puppet_editor(self.editor).puppet else None
 
     def _find_selected_mesh(self) -> tuple[str, Mesh] | None:
         """Returns the selected character's id and its mesh in the current pose."""
@@ -173,7 +174,7 @@ def make_puppet_actions(commands: PuppetCommands) -> Iterator[Action]:
 
 def make_pose_display_actions(commands: PuppetCommands) -> Iterator[Action]:
     """Yields the actions that switch marks, which are shown while a key pose is edited."""
-    puppets = commands.editor.puppets
+    puppets = get_puppet_editor(commands.editor)
     yield Action(
         "view.outline",
         "View",

@@ -14,7 +14,7 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.puppets.gizmo import Gizmo
 from enliven_viewer.studio.features.puppets.point_suggestions import PointSuggestions
 from enliven_viewer.studio.puppets.mesh_cache import find_mesh_centre, find_mesh_normals, measure_mesh
-from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor
+from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor, get_puppet_editor
 from enliven_viewer.studio.puppets.puppet_stage import StagePuppet
 from enliven_viewer.studio.puppets.symmetry import find_partner_vertex
 from enliven_viewer.studio.tools.base import Pointer, ToolPicture
@@ -88,13 +88,13 @@ class PointDrag:
         if offset is None or (not self.moved and not offset.any()):
             return
         self.moved = True
-        self.editor.puppets.drag(self.point, self._standing.to_mesh(self._start_place + offset))
+        get_puppet_editor(self.editor).drag(self.point, self._standing.to_mesh(self._start_place + offset))
 
     def drop(self) -> None:
         """Handles the release of the button: keeps the pose."""
         if self.moved:
             puppet = self._standing.character
-            self.editor.puppets.drop(later("pose {0}", puppet.points[self.point].name))
+            get_puppet_editor(self.editor).drop(later("pose {0}", puppet.points[self.point].name))
 
 
 class Pointing(Protocol):

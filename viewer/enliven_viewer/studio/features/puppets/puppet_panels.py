@@ -10,6 +10,7 @@ from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.features.puppets.performer_picture import PerformerPicture
 from enliven_viewer.studio.features.puppets.performer_view import PerformerView
 from enliven_viewer.studio.features.puppets.thumbnails import Thumbnails
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.viewport.viewport import Viewport
 
 
@@ -28,7 +29,7 @@ class PuppetPanels:
         """Returns True if a puppet is being edited, so that its performer and key poses are shown."""
         app, editor = self._app, self._app.editor
         return (
-            editor.puppets.puppet is not None
+            get_puppet_editor(editor).puppet is not None
             and app.state(PerformSession).active_workspace in ("Animate", "Model")
             and not app.input.tool.hides_performer
             and not editor.selection.has_several
@@ -39,8 +40,9 @@ class PuppetPanels:
         from enliven_viewer.studio.app.style import convert_to_screen_pixels
 
         renderer = view.renderer
+        surfaces = get_puppet_editor(self._app.editor).stage.surfaces
         performer = self._performer = PerformerPicture(renderer)
-        thumbnails = self._thumbnails = Thumbnails(renderer.ctx, self._app.editor.puppets.stage.surfaces)
+        thumbnails = self._thumbnails = Thumbnails(renderer.ctx, surfaces)
 
         def draw() -> None:
             if not self.is_shown():

@@ -16,6 +16,7 @@ from enliven_viewer.studio.features.puppets.puppet_marks import (
     make_marks,
     make_tool_picture,
 )
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.puppets.puppet_stage import StagePuppet
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport.overlay import EMPTY_PICTURE, Overlay, Point, ToolPicture
@@ -44,7 +45,7 @@ class PuppetTool(Tool):
 
     def __init__(self, editor: Editor) -> None:
         super().__init__(editor)
-        self.puppets = editor.puppets
+        self.puppets = get_puppet_editor(editor)
         self.suggested = PointSuggestions()
         self.hovered_part = ""
         self.hovered_point: int | None = None

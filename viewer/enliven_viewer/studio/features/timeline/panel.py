@@ -22,6 +22,7 @@ from enliven_viewer.studio.features.timeline.lane_painter import LanePainter, dr
 from enliven_viewer.studio.features.timeline.puppet_painter import draw_details, draw_details_tooltip
 from enliven_viewer.studio.features.timeline.ruler_marks import draw_markers, draw_span
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, LINE, QUIET
 
 _START_ICON, _PLAY_ICON, _PAUSE_ICON, _LOOP_ICON = "\uf048", "\uf04b", "\uf04c", "\uf01e"
@@ -242,7 +243,7 @@ def _draw_lanes(timeline: TimelineInput, perform: PerformSession, origin: ImVec2
     elif not lanes:
         imgui.set_cursor_screen_pos(ImVec2(origin.x + LABEL_WIDTH + 8, origin.y + RULER_HEIGHT + 12))
         empty_text = _NO_RECORDING if perform.active_workspace == "Perform" else _NO_MOTION
-        draw_note(_NO_TAKE if timeline.editor.puppets.puppet is not None else empty_text)
+        draw_note(_NO_TAKE if get_puppet_editor(timeline.editor).puppet is not None else empty_text)
 
 
 def _draw_playhead(timeline: TimelineInput, origin: ImVec2, size: ImVec2) -> None:

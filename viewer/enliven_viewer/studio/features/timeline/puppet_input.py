@@ -22,6 +22,7 @@ from enliven_viewer.studio.puppets.example_edits import (
     remove_switch,
     retime_pose,
 )
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 
 DRAG_TITLES = {"pose": later("retime a key pose"), "switch": later("move a switch")}
 """The name of each drag in the undo history."""
@@ -39,14 +40,14 @@ class PuppetRows:
     def __init__(self, editor: Editor, coverages: CoverageCache) -> None:
         self.editor, self.coverages = editor, coverages
         self.marked: LaneHandle | None = None
-        self.edit_pose: Callable[[int], object] = editor.puppets.edit_pose
-        self.begin_pose: Callable[[str, float], object] = editor.puppets.begin_pose
+        self.edit_pose: Callable[[int], object] = get_puppet_editor(editor).edit_pose
+        self.begin_pose: Callable[[str, float], object] = get_puppet_editor(editor).begin_pose
         self._switch_cache: tuple[object, dict[int, tuple[Switch, ...]]] = (None, {})
 
     @property
     def details(self) -> PuppetDetails:
         """Returns the current rows."""
-        return PuppetDetails(self.editor.puppets.puppet, self._find_coverage, self._find_switches)
+        return PuppetDetails(get_puppet_editor(self.editor).puppet, self._find_coverage, self._find_switches)
 
     def press(self, handle: LaneHandle, layout: TimelineLayout, x: float) -> None:
         """Handles a press on a mark."""
@@ -79,7 +80,7 @@ class PuppetRows:
 
     def type(self, key: str) -> bool:
         """Handles the Delete key: removes the switch or constraint that was clicked last."""
-        (handle, self.marked), puppet = (self.marked, None), self.editor.puppets.puppet
+        (handle, self.marked), puppet = (self.marked, None), get_puppet_editor(self.editor).puppet
         if handle is None or key not in ("delete", "backspace"):
             return False
         if puppet is None or puppet.id != handle.character or handle.number >= len(puppet.layers):
@@ -114,20 +115,22 @@ class PuppetRows:
         return lambda project: change_layers(project, handle.character, [handle.number], **changes)
 
     def _find_coverage(self, take: str) -> TakeCoverage | None:
-        puppet = self.editor.puppets.puppet
+        puppet = get_puppet_editor(self.editor).puppet
         return self.coverages.find_coverage(self.editor.project, puppet, take) if puppet is not None else None
 
     def _find_switches(self, layer: int) -> tuple[Switch, ...]:
         """Returns a layer's edited switches, or the switches detected when the motion was last solved.
         Returns an empty tuple if the motion was never solved.
         """
-        editor, puppet = self.editor, self.editor.puppets.puppet
+        editor, puppet = self.editor, get_puppet_editor(self.editor).puppet
         if puppet is None or layer >= len(puppet.layers):
             return ()
         edited = puppet.layers[layer].switches
         if edited is not None:
             return edited
-        project, shown = editor.motion_solver.get_newest_solution(editor.project, puppet.id)
+        project, shown = get_puppet_editor(editor).motion_solver.get_newest_solution(
+            editor.project, puppet.id
+        )
         if layer >= len(shown.layers) or shown.layers[layer].take != puppet.layers[layer].take:
             return ()
         if self._switch_cache[0] is not shown:

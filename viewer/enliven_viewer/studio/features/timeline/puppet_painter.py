@@ -11,6 +11,7 @@ from enliven_viewer.studio.app.style import pack_colour, use_small_text
 from enliven_viewer.studio.features.timeline.layout import Lane, TimelineLayout
 from enliven_viewer.studio.features.timeline.timeline_input import TimelineInput
 from enliven_viewer.studio.puppets.example_edits import describe_constraint, list_constraints
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.theme import (
     ACCENT,
     BAD,
@@ -56,7 +57,7 @@ def _draw_poses(timeline: TimelineInput, layout: TimelineLayout, lane: Lane, ori
     The curve shows the distance of the performer's pose from the nearest example.
     """
     draw_list, top = imgui.get_window_draw_list(), origin.y + lane.top
-    details, puppets = timeline.rows.details, timeline.editor.puppets
+    details, puppets = timeline.rows.details, get_puppet_editor(timeline.editor)
     coverage, poses = details.coverage(lane.layer.take), details.poses(layout, lane)
     if coverage is not None and puppets.puppet is not None and puppets.puppet.poses:
         start, end = origin.x + lane.left, origin.x + lane.right

@@ -14,6 +14,7 @@ from enliven_viewer.studio.features.timeline.clip_pictures import ClipPictures
 from enliven_viewer.studio.features.timeline.layout import LANE_GAP, Lane, LaneHandle, TimelineLayout
 from enliven_viewer.studio.features.timeline.puppet_input import DRAG_TITLES, PuppetRows
 from enliven_viewer.studio.puppets.coverage import CoverageCache
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 
 _NO_HANDLE = LaneHandle("nothing")
 _MIN_SPAN_S = 0.1
@@ -176,8 +177,8 @@ class TimelineInput:
         elif self._held_handle.kind in _SPAN_HANDLES:
             self.editor.marked_range = self._drag_span(x)
         elif self._drag_title is not None and x != self._drag_start_x:
-            if self.editor.puppets.is_posing:
-                self.editor.puppets.accept()
+            if get_puppet_editor(self.editor).is_posing:
+                get_puppet_editor(self.editor).accept()
             self.editor.preview_edit(self._make_drag_edit(x))
 
     def release(self, x: float) -> None:

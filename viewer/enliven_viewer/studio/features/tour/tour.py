@@ -6,10 +6,11 @@ from __future__ import annotations
 
 import math
 
+from enliven_viewer.studio.app.app import App
 from enliven_viewer.studio.app.targets import DrawnWidgets, Rectangle, Target
 from enliven_viewer.studio.features.tour.chair_legs import find_chair_in_image
 from enliven_viewer.studio.features.tour.demonstration import Demonstration
-from enliven_viewer.studio.features.tour.tour_state import TourState, TourWorkspace
+from enliven_viewer.studio.features.tour.tour_state import TourState
 from enliven_viewer.studio.features.tour.tour_steps import ENDING, TOUR_STEPS, TourPart, TourStep
 from enliven_viewer.studio.viewport.overlay import Point
 
@@ -26,7 +27,7 @@ for a moment.
 
 
 class Tour:
-    """The tour through the studio. Args: desk: the workspace. widgets: the rectangles of widgets.
+    """The tour through the studio. Args: app: the studio. widgets: the rectangles of widgets.
         number: number of the step at which to resume. If its preconditions are missing, the tour starts at an
             earlier step.
 
@@ -40,8 +41,8 @@ class Tour:
         card: last position of the card, in the window's pixels. card_key: content of the card at that time.
     """
 
-    def __init__(self, desk: TourWorkspace, widgets: DrawnWidgets, number: int = 0) -> None:
-        self._state, self._widgets = TourState(desk), widgets
+    def __init__(self, app: App, widgets: DrawnWidgets, number: int = 0) -> None:
+        self._state, self._widgets = TourState(app), widgets
         self.number, self.done_display_s, self.reviewing = min(number, len(TOUR_STEPS) - 1), 0.0, False
         self.is_demonstrating = False
         self.demonstration: Demonstration | None = None

@@ -2,110 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Protocol
 
 from enliven.arrays import Float, Float32
 from enliven.document import GraphCharacter
 from enliven.overdub.possessed_overdub import has_motion
-from enliven_viewer.studio.actions.table import ActionTable
-from enliven_viewer.studio.app.contributions import Panel
-from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.app.app import App
+from enliven_viewer.studio.app.workspace_tabs import has_tools
 from enliven_viewer.studio.features.perform.session import PerformSession
-from enliven_viewer.studio.tools.base import Tool
-from enliven_viewer.studio.viewport.overlay import Point
-
-_TOOL_WORKSPACES = ("Animate", "Model")
-"""The workspaces with tools."""
-
-
-class SavedFile(Protocol):
-    """The file of the project."""
-
-    @property
-    def named(self) -> bool:
-        """Returns True if the project has a file."""
-
-    @property
-    def dirty(self) -> bool:
-        """Returns True if there is unsaved work."""
-
-
-class TourInput(Protocol):
-    """The input over the view: pointer, buttons and tools."""
-
-    tool: Tool
-    at: Point
-
-    def activate_tool(self, name: str) -> None:
-        """Makes another tool the active one."""
-
-    def press(self, at: Point, button: int = 0, *, shift: bool = False) -> None:
-        """Presses a button at a pixel of the view."""
-
-    def move(self, at: Point, *, shift: bool = False) -> None:
-        """Moves the pointer to a pixel of the view."""
-
-    def release(self, at: Point, button: int = 0, *, shift: bool = False) -> None:
-        """Releases the button."""
-
-    @property
-    def busy(self) -> bool:
-        """Returns True if a button is held."""
-
-
-class TourFileField(Protocol):
-    """The interface to the file dialogue that the tour fills in."""
-
-    folder: Path
-    name: str
-
-    def get_path(self) -> Path:
-        """Returns the chosen path."""
-
-
-class TourWorkspace(Protocol):
-    """The interface to the workspace that the tour uses."""
-
-    @property
-    def editor(self) -> Editor:
-        """Returns the editor."""
-
-    @property
-    def actions(self) -> ActionTable:
-        """Returns every action."""
-
-    @property
-    def store(self) -> SavedFile:
-        """Returns the file of the project."""
-
-    @property
-    def perform(self) -> PerformSession:
-        """Returns the session that is connected to a stage."""
-
-    @property
-    def input(self) -> TourInput:
-        """Returns the input over the view."""
-
-    @property
-    def panels(self) -> Sequence[Panel]:
-        """Returns the panels that features have added."""
-
-    @property
-    def asking(self) -> str:
-        """Returns the name of the open dialogue, or an empty text."""
-
-    @property
-    def browser(self) -> TourFileField | None:
-        """Returns the contents of a file dialogue."""
-
-    def run_and_report(self, command: Callable[[], object]) -> bool:
-        """Calls a function. Shows an error as a message and returns False."""
-
-    def finish_file_dialog(self, path: Path) -> None:
-        """Chooses a file in the dialogue."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +29,12 @@ class TourState:
         workspace: the workspace.
     """
 
-    workspace: TourWorkspace
+    workspace: App
+
+    @property
+    def perform(self) -> PerformSession:
+        """Returns the session that is connected to a stage."""
+        return self.workspace.state(PerformSession)
 
     @property
     def chairs(self) -> tuple[GraphCharacter, ...]:
@@ -155,17 +65,17 @@ class TourState:
     @property
     def has_workshop(self) -> bool:
         """Returns True if the current workspace has tools."""
-        return self.workspace.perform.active_workspace in _TOOL_WORKSPACES
+        return has_tools(self.workspace.tabs.active)
 
     @property
     def has_stage(self) -> bool:
         """Returns True if a stage has been requested."""
-        return self.workspace.perform.live is not None
+        return self.perform.live is not None
 
     @property
     def has_dancer(self) -> bool:
         """Returns True if a dancer is in view, and the chair is on the dancer's stage."""
-        perform, chair = self.workspace.perform, self.chair
+        perform, chair = self.perform, self.chair
         is_on_stage = chair is not None and chair.id in perform.stage_ids
         return is_on_stage and perform.connected and bool(perform.performers)
 
@@ -183,25 +93,25 @@ class TourState:
     @property
     def records(self) -> bool:
         """Returns True if a recording is running or counting in."""
-        return self.workspace.perform.recording.phase != "idle"
+        return self.perform.recording.phase != "idle"
 
     @property
     def recorded_s(self) -> float:
         """Returns the length of the running recording in seconds, or 0 if no recording is running."""
-        recording = self.workspace.perform.recording
+        recording = self.perform.recording
         return recording.seconds if recording.phase == "recording" else 0.0
 
     @property
     def is_saved(self) -> bool:
         """Returns True if the project has a file without unsaved changes."""
-        return self.workspace.store.named and not self.workspace.store.dirty
+        return self.workspace.is_saved
 
     @property
     def extent(self) -> Float | Float32 | None:
         """Returns points (N, 3) in metres on the shown chair, which is live or played back, or None without a
         chair.
         """
-        chair, perform = self.chair, self.workspace.perform
+        chair, perform = self.chair, self.perform
         if chair is None:
             return None
         live = () if perform.scene is None else perform.scene.actors
@@ -216,7 +126,7 @@ class TourState:
 
     def _find_held_characters(self) -> Sequence[str]:
         graphs = self.workspace.editor.project.graphs
-        return [holder.character for holder in self.workspace.perform.holders if holder.character in graphs]
+        return [holder.character for holder in self.perform.holders if holder.character in graphs]
 
 
 def _measure_size(shape: GraphCharacter) -> int:

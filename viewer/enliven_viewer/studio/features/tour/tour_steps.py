@@ -94,11 +94,11 @@ def _run_action(action: str) -> Callable[[TourState], object]:
 
 
 def _go_to_workspace(workspace_name: str) -> Callable[[TourState], object]:
-    return lambda toured: setattr(toured.workspace.perform, "active_workspace", workspace_name)
+    return lambda toured: setattr(toured.workspace.tabs, "active", workspace_name)
 
 
 def _call_dancer(toured: TourState) -> None:
-    toured.workspace.run_and_report(lambda: toured.workspace.perform.connect_local("--loop"))
+    toured.workspace.run_and_report(lambda: toured.perform.connect_local("--loop"))
 
 
 def _possess_chair(toured: TourState) -> None:
@@ -161,7 +161,7 @@ _ANIMATE_PART = TourPart(
 _PERFORM_PART = TourPart(
     later("Click “Perform”: here is the stage."),
     _target_widget("room Perform"),
-    lambda t, before: t.workspace.perform.active_workspace == "Perform",
+    lambda t, before: t.workspace.tabs.active == "Perform",
     _go_to_workspace("Perform"),
 )
 _CUT_PART = TourPart(
