@@ -69,8 +69,8 @@ _RIG_CONVERTERS = ("enliven/formats", "enliven/wire", "enliven_viewer/render", "
 
 
 def test_few_modules_test_the_type_of_a_rig():
-    """What differs between rigs belongs to RigBase and RigEdits, so that a further rig is one package."""
-    found = []
+    """Differences between rigs belong to RigBase and RigEdits, so that a further rig is one package."""
+    rig_tests = []
     for folder in PACKAGES.values():
         for path in (ROOT / folder).rglob("*.py"):
             if not any(part in path.as_posix() for part in _RIG_CONVERTERS):
@@ -78,8 +78,8 @@ def test_few_modules_test_the_type_of_a_rig():
                     is_call = isinstance(node, ast.Call) and getattr(node.func, "id", "") == "isinstance"
                     names = {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
                     if (is_call or isinstance(node, ast.Compare)) and names & _RIG_TYPES:
-                        found.append(f"{path.relative_to(ROOT)}:{node.lineno}")
-    assert len(found) <= MAX_RIG_TESTS, found
+                        rig_tests.append(f"{path.relative_to(ROOT)}:{node.lineno}")
+    assert len(rig_tests) <= MAX_RIG_TESTS, rig_tests
 
 
 CONTRACTS = """

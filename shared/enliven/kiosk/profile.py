@@ -83,8 +83,8 @@ class StorySettings:
 
     attract: tuple[str, ...] = setting(
         (),
-        "Recorded performances (.mcap) that are shown if there are no visitors. Empty: the "
-        "performances that come with enliven.",
+        "Recorded performances (.mcap) that are shown while nobody visits. Empty: the performances "
+        "that come with enliven.",
     )
     dwell: float = setting(
         1.5,

@@ -47,7 +47,7 @@ def read_take(
         return clip, notes
     stop = clip.duration if end is None else end
     if start > clip.duration or stop <= start:
-        problem = f"the motion lasts {clip.duration:.2f} s: there is no motion from {start:g} s to {stop:g} s"
+        problem = f"the motion lasts {clip.duration:.2f} s: it cannot be cut from {start:g} s to {stop:g} s"
         raise InputError(problem, where=str(path), remedy="Choose another start and end.")
     return trim_clip(clip, start, stop), notes
 

@@ -175,7 +175,7 @@ def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
         ),
         (
             ("new", "stool.ply", "walk.enliven", "-o", "new.toml", "--start", 9),
-            "there is no motion from 9 s to 3 s",
+            "it cannot be cut from 9 s to 3 s",
         ),
     ],
 )

@@ -178,7 +178,7 @@ def test_motion_files_are_turned_into_one_another(made, tmp_path):
             "Choose one with --character: man",
         ),
         (("show.enliven", "-o", "out.glb", "--start", 9, "--end", 8), 3, "frames per second is not valid"),
-        (("live.mcap", "-o", "out.bvh", "-c", "live", "--start", 9), 3, "there is no motion from 9 s"),
+        (("live.mcap", "-o", "out.bvh", "-c", "live", "--start", 9), 3, "it cannot be cut from 9 s"),
     ],
 )
 def test_impossible_export_is_reported_and_leaves_no_file(show, capsys, words, code, said):

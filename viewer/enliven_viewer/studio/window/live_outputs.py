@@ -57,8 +57,8 @@ class WindowOutputs(Closeable):
         drawn = {standing.id: self._find_character_info(standing) for standing in project}
         shapes = {name: character for name, character in drawn.items() if character is not None}
         poses: dict[str, Pose] = {standing.id: standing.pose for standing in project if standing.id in shapes}
-        found = {standing.id: standing.character.find_skeleton() for standing in project}
-        skeletons = {name: skeleton for name, skeleton in found.items() if skeleton is not None}
+        found_skeletons = {standing.id: standing.character.find_skeleton() for standing in project}
+        skeletons = {name: skeleton for name, skeleton in found_skeletons.items() if skeleton is not None}
         for actor in scene.actors:
             if actor.character.id not in shapes:
                 shapes[actor.character.id], poses[actor.character.id] = actor.character, actor.pose
