@@ -118,7 +118,7 @@ def test_a_puppet_that_was_performed_moves_again_within_the_stated_error(tmp_pat
     notes = []
     read = read_possessed(tmp_path / "take.mcap", notes)
     (note,) = notes
-    assert "'bean'" in note and "% of its size" in note
+    assert "'bean'" in note and "% of the mesh's size" in note
     shape = read.graph("bean")
     assert len(shape.positions) > 4 and read.streams["bean"].duration == pytest.approx(39 * STEP, abs=1e-3)
     places, turns, roots = evaluate_states(project, puppet, seconds)

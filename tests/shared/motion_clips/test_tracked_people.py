@@ -66,7 +66,7 @@ def test_passer_by_is_not_a_take(tmp_path):
     with Recorder(path) as recorder:
         for i in range(5):
             recorder.write_frame(frame(i / RATE, 1))
-    with pytest.raises(InputError, match="no performer is in it"):
+    with pytest.raises(InputError, match="no performer is in the recording"):
         read_recorded_clips(path)
     assert len(read_recorded_clips(path, settings=TakeSettings(shortest=0.1))) == 1
 
