@@ -14,7 +14,7 @@ from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 from enliven.settings import parameter
 
-_OUTLIER_DISTANCES = 0.5
+_OUTLIER_DISTANCE_RATIO = 0.5
 """Minimum distance of a single frame from both neighbours, as a fraction of the median distance. Frames
 beyond it are ignored as tracking outliers."""
 
@@ -66,7 +66,7 @@ def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> Sugg
         )
     frames = [int(_pose_distance(poses, np.median(poses, axis=0)).argmin())]
     distances, gaps = _pose_distance(poses, poses[frames[0]]), list[float]()
-    distances[_is_outlier(poses, _OUTLIER_DISTANCES * float(np.median(distances)))] = 0.0
+    distances[_is_outlier(poses, _OUTLIER_DISTANCE_RATIO * float(np.median(distances)))] = 0.0
     while True:
         farthest = int(distances.argmax())
         gaps.append(float(distances[farthest]))
@@ -103,7 +103,8 @@ def suggest_further_poses(
     distances = distance_to(poses, known)
     distances[
         _is_outlier(
-            poses, _OUTLIER_DISTANCES * float(np.median(_pose_distance(poses, poses[is_outlier.frames[0]])))
+            poses,
+            _OUTLIER_DISTANCE_RATIO * float(np.median(_pose_distance(poses, poses[is_outlier.frames[0]]))),
         )
     ] = 0.0
     frames, gaps = list[int](), [float(distances.max())]

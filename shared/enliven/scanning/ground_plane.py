@@ -169,9 +169,9 @@ def cut_whole_part(mesh: Mesh, ground: GroundPlane, settings: CutOutSettings | N
 
     The result is upright, on y = 0. Holes with short rims are closed.
     """
-    part = level_mesh(find_largest_component(mesh), ground)
-    part.vertices[:, 1] -= part.vertices[:, 1].min()
-    return close_holes(part, np.zeros(len(part.vertices), bool), settings or CutOutSettings())
+    object_mesh = level_mesh(find_largest_component(mesh), ground)
+    object_mesh.vertices[:, 1] -= object_mesh.vertices[:, 1].min()
+    return close_holes(object_mesh, np.zeros(len(object_mesh.vertices), bool), settings or CutOutSettings())
 
 
 def find_parts(

@@ -234,7 +234,7 @@ def _figure_from_actor(name: str, joints: Iterable[tuple[str, _Placement]]) -> H
     rows = {}
     for joint, placement in joints:
         number = _NUMBERS.get(joint)
-        if number is not None and (values := _joint_values(placement)) is not None:
+        if number is not None and (values := _read_joint(placement)) is not None:
             rows[ROKOKO_BONES[number]] = number, values
     if "Hips" not in rows:
         return None
@@ -244,7 +244,7 @@ def _figure_from_actor(name: str, joints: Iterable[tuple[str, _Placement]]) -> H
     return HumanPose(name, bones, positions, rotations_from_rokoko(normalized(turns), numbers))
 
 
-def _joint_values(placement: _Placement) -> Float | None:
+def _read_joint(placement: _Placement) -> Float | None:
     """Returns the numbers (7,) of a joint, or None if they are not a position and a rotation."""
     position, turn = placement.position, placement.rotation
     values = (position.x, position.y, position.z, turn.x, turn.y, turn.z, turn.w)

@@ -259,10 +259,12 @@ class Locomotion:
         self, places: Float, yaw: float, root: Float, path_position: complex, footing: Footing
     ) -> Float:
         """Pulls the root towards the path. Returns the places (P, 3), with standing feet locked."""
-        stands = (self._find_known_standing(footing.stands) | (self._feet == self.anchor)) & footing.touches
-        stands = stands[: len(self._following.held)]
+        is_standing = (
+            self._find_known_standing(footing.stands) | (self._feet == self.anchor)
+        ) & footing.touches
+        is_standing = is_standing[: len(self._following.held)]
         deviation = path_position - self._from[0] - (complex(complex_from_floor(root)) - self._from[1])
-        root += floor_from_complex(self._following.compute_correction(deviation, stands.tolist()))
+        root += floor_from_complex(self._following.compute_correction(deviation, is_standing.tolist()))
         if not self._following.held:
             return places
         out = places.copy()

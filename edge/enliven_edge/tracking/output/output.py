@@ -26,7 +26,7 @@ _MAX_LATENCY_S = 0.3
 """Maximum latency in seconds that the prediction compensates: the upper bound of the setting ``predict``."""
 _MAX_AMOUNTS = 64
 """Maximum number of people with their own smoothing amount, because viewers may send any number of ids."""
-_MIN_AMOUNT = 1e-3
+_MIN_SMOOTHING_AMOUNT = 1e-3
 """Smoothing amounts below this count as 0, because the filter divides by the amount."""
 
 
@@ -74,7 +74,7 @@ class Output:
     def smoothing_amount(self, person: int) -> float:
         """Returns the amount of smoothing of a performer. 0 means no smoothing."""
         amount = self._amounts.get(person, self.settings.smoothing.amount)
-        return amount if amount >= _MIN_AMOUNT else 0.0
+        return amount if amount >= _MIN_SMOOTHING_AMOUNT else 0.0
 
     @property
     def prediction_seconds(self) -> float:

@@ -137,7 +137,7 @@ class Candidates:
         if not MIN_AREA_M2 < area < MAX_AREA_M2:
             return None
         shape = measure_shape(view, part, area, walls) if shape is None else replace(shape, area=area)
-        # In front of removed walls every outline counts as free. So the candidate must also have a head.
+        # If walls were removed, every outline counts as free. Then the candidate must also have a head.
         if shape.likeness == 0 or (walls is not None and not shape.is_upright):
             return None
         unmatched = [n for n in self._known if n.seen_ns != view.time_ns]

@@ -82,8 +82,8 @@ def heat_weights(
     _take_nearest_where_hidden(welded, laplacian, segments, chosen, distance)
     extent = float(np.ptp(welded.vertices, axis=0).max()) or 1.0
     # Use a minimum distance, because a vertex on a bone would get infinite heat.
-    near = np.maximum(distance, 1e-4 * extent)
-    heat = np.where(np.isfinite(near), _HEAT / near**2, 0.0) * mass
+    clamped_distance = np.maximum(distance, 1e-4 * extent)
+    heat = np.where(np.isfinite(clamped_distance), _HEAT / clamped_distance**2, 0.0) * mass
     source = np.zeros((len(welded.vertices), bones))
     shares = (chosen >= 0) / np.maximum((chosen >= 0).sum(1), 1)[:, None]
     rows = np.repeat(np.arange(len(source)), chosen.shape[1])

@@ -35,7 +35,7 @@ _OMITTED_LEG_COST = 25.0
 a horse."""
 _MIN_LEG_LENGTH = 0.08
 """Minimum length of a limb that counts as a leg, as a fraction of the longest geodesic distance."""
-_MAX_COSTED_LENGTH = 0.3
+_MAX_LENGTH_FOR_COST = 0.3
 """The cost of a limb that is left out grows with its length up to this fraction of the longest geodesic
 distance."""
 _MIN_UPPER_HEIGHT = 0.4
@@ -178,7 +178,7 @@ def _compute_omitted_limb_cost(extremities: LimbEnds, between: Float, chosen: In
     """Returns the cost (K,) of the limbs that belong to none of the chosen ends (K, 6)."""
     is_near = between < _OWN_END_DISTANCE * extremities.longest
     is_near_chosen = is_near[chosen].any(1)
-    length = np.minimum(extremities.prominence / extremities.longest, _MAX_COSTED_LENGTH)
+    length = np.minimum(extremities.prominence / extremities.longest, _MAX_LENGTH_FOR_COST)
     level = extremities.points[:, 1] - extremities.points[:, 1].min()
     leg = (level[extremities.ends] < _MAX_FOOT_HEIGHT * level.max()) & (length > _MIN_LEG_LENGTH)
     return np.asarray(~is_near_chosen @ (_OMITTED_LIMB_COST * length + _OMITTED_LEG_COST * leg), np.float64)
