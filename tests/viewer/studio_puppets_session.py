@@ -70,9 +70,14 @@ def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
     ]
     yield snap("posed")
     yield look
-    yield Do(lambda d: (d.puppets.drag(0, np.array([0.3, 0.45, 0.0])), d.puppets.drop()))
+    yield Do(
+        lambda d: (
+            get_puppet_editor(d.editor).drag(0, np.array([0.3, 0.45, 0.0])),
+            get_puppet_editor(d.editor).drop(),
+        )
+    )
     yield Wait(0.5)
-    yield Do(lambda d: d.puppets.self_intersection.wait())
+    yield Do(lambda d: get_puppet_editor(d.editor).self_intersection.wait())
     yield Wait(0.1)
     yield snap("warned")
     report["warning"] = tool.warning

@@ -232,10 +232,10 @@ def test_a_scrub_ends_in_the_surface_that_its_time_has_whatever_came_before(tmp_
     timeline.press(layout.x(0.1), RULER_HEIGHT / 2)
     for time in (0.4, 1.9, 0.2, 2.2, 1.1):
         timeline.drag(layout.x(time))
-        hasty = scrubbed.puppets.stage.puppets[0].surface
+        hasty = find_puppets(scrubbed).stage.puppets[0].surface
     fresh.editor.scrub(1.1)
-    settled = fresh.puppets.stage.puppets[0].surface
+    settled = find_puppets(fresh).stage.puppets[0].surface
     assert scrubbed.editor.scrubbing and np.abs(hasty - settled).max() > 1e-6, "it was solved in haste"
     timeline.release(layout.x(1.1))
     assert not scrubbed.editor.scrubbing
-    np.testing.assert_allclose(scrubbed.puppets.stage.puppets[0].surface, settled, atol=1e-9)
+    np.testing.assert_allclose(find_puppets(scrubbed).stage.puppets[0].surface, settled, atol=1e-9)

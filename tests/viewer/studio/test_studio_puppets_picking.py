@@ -27,6 +27,7 @@ PLACE = np.array([0.1, 0.5, -0.2])
 
 def editor_with(*names: str) -> Editor:
     editor = Editor(project=project_with(*names))
+    get_puppet_editor(editor)  # This call registers the editor of puppets, as the workspace does.
     editor.size = (640.0, 480.0)
     editor.frame_all(at_once=True)
     editor.select_only("star")
@@ -119,7 +120,7 @@ def test_the_point_under_the_pointer_is_found_and_of_two_the_one_before() -> Non
     hit = find_joint_at([standing], lens, (x + 5, y - 5), 11.0)
     assert hit is not None and hit.handle == 1
     assert find_joint_at([standing], lens, (x + 15, y), 11.0) is None
-    assert find_joint_at([editor_with().puppets.stage_puppets[0]], lens, (x, y), 11.0) is None
+    assert find_joint_at([get_puppet_editor(editor_with()).stage_puppets[0]], lens, (x, y), 11.0) is None
 
 
 @pytest.mark.parametrize("part", GIZMO_PARTS)

@@ -127,7 +127,10 @@ def test_another_tool_keeps_the_key_pose(tmp_path) -> None:
 
 def test_keys_nudge_reset_and_remove_the_chosen_point(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head", "left", "foot", take="sway")
-    play([Click(OnPuppet("star", point=1)), Do(lambda d: d.puppets.begin_pose("sway", 0.5))], stage)
+    play(
+        [Click(OnPuppet("star", point=1)), Do(lambda d: get_puppet_editor(d.editor).begin_pose("sway", 0.5))],
+        stage,
+    )
     time = workspace.editor.time
     play([Key("up"), Key("shift+up")], stage)
     rise = find_puppets(workspace).places[1][1] - find_puppets(workspace).puppet.rest[1][1]
@@ -168,7 +171,7 @@ def test_suggested_ends_are_clicked_nearly(tmp_path) -> None:
 
 def test_self_intersections_are_reported_except_at_rest(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head", "left", "right", "foot", "other", take="sway")
-    play([Do(lambda d: d.puppets.begin_pose("sway", 0.5))], stage)
+    play([Do(lambda d: get_puppet_editor(d.editor).begin_pose("sway", 0.5))], stage)
     find_puppets(workspace).self_intersection.wait()
     assert workspace.input.tool.warning == ""
     places = find_puppets(workspace).puppet.rest.copy()

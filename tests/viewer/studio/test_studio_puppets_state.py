@@ -332,7 +332,8 @@ def test_whatever_is_done_undo_brings_every_project_back(commands: list[str], se
 
 
 def test_the_previous_key_pose_is_outlined_and_what_is_dragged_stays(tmp_path) -> None:
-    puppets = studio(tmp_path, "head", "left", "foot", take="sway")[0].puppets
+    workspace = studio(tmp_path, "head", "left", "foot", take="sway")[0]
+    puppets = get_puppet_editor(workspace.editor)
     raised = np.add(puppets.puppet.rest, [[0, 0, 0], [0.1, 0.3, 0], [0, 0, 0]])
     puppets.editor.edit("one", lambda p: add_key_pose(p, "star", "sway", 0.2, raised))
     puppets.begin_pose("sway", 1.0)

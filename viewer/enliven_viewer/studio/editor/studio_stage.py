@@ -28,7 +28,7 @@ class StudioStage:
 
     Args:
         editor: the editor with the project and the time.
-        rig_editors: place the characters whose surfaces are solved in the background.
+        rig_editors: place the characters with surfaces that are solved in the background.
     """
 
     def __init__(self, editor: ShownState, rig_editors: RigEditors) -> None:
