@@ -107,7 +107,7 @@ class StageSender:
 
 
 def _differs_in_motion_only(character: RigBase, sent: RigBase) -> bool:
-    """Returns True if an edit changed only the motion of a character whose motion the edge does not need.
+    """Returns True if an edit changed only the motion of a character, and the edge does not need the motion.
 
     Such an edit is not sent.
     """
