@@ -19,18 +19,16 @@ path = HandheldPath(target=(0.0, 0.5, 0.0), radius=1.5, height=(0.7, 1.3), turns
 cactus = fit_height(load_sample("cactus"), 1.1)
 carried = HandheldScan(cactus, load_profile("kinect1"), path, width=320, colour=True)
 
-scanner, states, unfinished = Scanner(ScanSettings(volume=VolumeSettings(voxel=0.01))), [], []
+scanner, states, scans = Scanner(ScanSettings(volume=VolumeSettings(voxel=0.01))), [], []
 for number in range(0, carried.frames, 3):
     states.append(scanner.add(carried.frame(number)).state)
     if number % 12 == 9:
-        unfinished.append(scanner.extract_object())
+        scans.append(scanner.extract_object())
 print(f"{len(states)} images, {states.count(ScanState.LOST)} of them not used")
 save_mesh(scanner.extract_object(), "scan_and_possess.glb")
 
 # The scan becomes as tall as the performer. The performer stands in it.
-*growing, scan = [
-    replace(mesh, vertices=1.6 * mesh.vertices) for mesh in [*unfinished, scanner.extract_object()]
-]
+*growing, scan = [replace(mesh, vertices=1.6 * mesh.vertices) for mesh in [*scans, scanner.extract_object()]]
 performer = [frame.bodies[0] for frame in Recording(CHAIR).truth()][46:136]
 performer = [replace(body, joints=body.joints + np.array([0.0, 0.0, 2.7])) for body in performer]
 project, _ = possess(scan, performer)

@@ -62,7 +62,7 @@ SETTINGS = {"surface": ArapSettings(), "examples": ExampleSettings(), "locomotio
 """Settings of a puppet, which are numbers with tooltips."""
 LINE_LENGTH = 78
 """Maximum number of characters of a line in a catalogue. It is the same as in gettext's programs."""
-TEXT_FUNCTION_PREFIXES = ("hint", "lacks", "why_not", "at_end")
+TEXT_FUNCTION_PREFIXES = ("hint", "describe_missing", "lacks", "why_not", "at_end")
 """Name prefixes of functions that return texts to be translated when they are shown.
 
 The texts are hints of tools, or reasons."""

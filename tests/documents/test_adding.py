@@ -96,7 +96,7 @@ def register(app):
         ("def register(app):\n    1 / 0", "division by zero"),
         ("import no_such_module", "No module named 'no_such_module'"),
         (AFTER_NOTHING, "action a.b: the action view.none is unknown"),
-        (TOOL_TWICE, "action tool.cut: c is tool.cut's"),
+        (TOOL_TWICE, "action tool.cut: the shortcut c is already used by tool.cut"),
     ],
     ids=["in register", "at import", "after an unknown action", "a tool twice"],
 )

@@ -105,7 +105,7 @@ def test_image_without_a_known_camera_asks_for_a_lens(image, tmp_path):
 @pytest.mark.parametrize(
     ("name", "mode", "message"),
     [("colour.png", "RGB", "a PNG image in colour"), ("colour.jpg", "RGB", "a JPEG image in colour"),
-     ("grey.png", "L", "in 256 greys")],
+     ("grey.png", "L", "a PNG image with 256 greys")],
 )  # fmt: skip
 def test_image_without_depth_is_refused_with_its_type(name, mode, message, tmp_path):
     Image.new(mode, (64, 48)).save(tmp_path / name)

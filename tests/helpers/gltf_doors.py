@@ -16,6 +16,7 @@ from enliven_edge.stage.character_setup import create_actor
 from enliven_edge.stage.rig.rig_actor import create_rig_actor
 from enliven_viewer.commands.stage import _read as read_for_stage
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.workspace.files import add_file
 
 Surface = tuple[np.ndarray, np.ndarray]
@@ -38,6 +39,7 @@ def _put_on_stage(path: Path) -> Surface:
 
 def _load_in_studio(path: Path) -> Surface:
     editor = Editor()
+    get_puppet_editor(editor)  # This call registers the editor of puppets, as the workspace does.
     add_file(editor, path)
     (character,) = editor.project.characters.values()
     return _surface_of_mesh(character.mesh)

@@ -25,6 +25,7 @@ from enliven.rotation import rotate
 from enliven_edge.commands.import_ import import_recording
 from enliven_edge.commands.track import track
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.workspace.files import add_file
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -49,7 +50,11 @@ def call(*words) -> str:
 
 MESHES = {
     "concave_L.obj": (5.9, 12, ""),
-    "half_flipped.obj": (2.2277, 206, "turned 204 of 408 faces"),
+    "half_flipped.obj": (
+        2.2277,
+        206,
+        "204 of 408 faces had another winding than their neighbours and were flipped",
+    ),
     "inside_out.obj": (2.2277, 206, "the faces of the mesh pointed inwards"),
     "latin1_comment.obj": (2.2277, 206, ""),
     "tokens.off": (2.366, 4, ""),
@@ -72,6 +77,7 @@ def test_a_mesh_has_its_area_and_faces_outwards(name: str) -> None:
 @pytest.mark.parametrize("name", list(MESHES))
 def test_the_studio_adds_a_mesh(name: str) -> None:
     editor = Editor()
+    get_puppet_editor(editor)  # This call registers the editor of puppets, as the workspace does.
     add_file(editor, FAULTS / name)
     (puppet,) = editor.project.puppets.values()
     area = MESHES[name][0]

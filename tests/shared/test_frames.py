@@ -50,7 +50,7 @@ def made(**changes) -> Character:
         ({"colours": np.zeros((2, 3), np.uint8)}, "the vertex colours have the shape"),
         (
             {"skin": SkinWeights(np.full((3, 4), 2, np.uint16), np.ones((3, 4), np.float32))},
-            "follows transform 2",
+            "refers to transform 2",
         ),
         (
             {"skin": SkinWeights(np.zeros((2, 4), np.uint16), np.ones((2, 4), np.float32))},

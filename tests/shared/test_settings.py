@@ -128,8 +128,8 @@ def test_settings_that_no_longer_exist_are_ignored_with_one_sentence(caplog) -> 
     old = {"shutter": {"speed": 0.5, "blur": "much", "leaf": {"width": 3}, "gain": 4.0}}
     assert load_settings(Body, old, where="old.toml") == Body(Shutter(speed=0.5))
     assert caplog.messages == [
-        "old.toml: settings that no longer exist are ignored: shutter.blur, shutter.leaf, shutter.gain. "
-        "Delete them."
+        "old.toml: these settings no longer exist and are ignored: shutter.blur, shutter.leaf, shutter.gain. "
+        "Delete them from the file."
     ]
     with pytest.raises(InputError, match=r"unknown key shutter\.lens"):
         load_settings(Body, {"shutter": {"lens": 1, "blur": 1}})

@@ -11,6 +11,7 @@ from enliven.formats.gltf.read import read_gltf
 from enliven.meshes import load_mesh
 from enliven.oneshot.exportable import find_exportables
 from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.workspace.files import add_file
 
 SUFFIXES = (".glb", ".vrm")
@@ -45,6 +46,7 @@ def test_every_entry_point_refuses_unknown_compression(tmp_path):
 def test_every_entry_point_reports_ignored_morph_targets(tmp_path, capsys, caplog):
     path = TWINS["morphed_at_rest"]().write(tmp_path / "a.glb")
     words, editor = "are not animated", Editor()
+    get_puppet_editor(editor)  # This call registers the editor of puppets, as the workspace does.
     add_file(editor, path)
     notes_of = {
         "load_mesh": load_mesh(path).notes,

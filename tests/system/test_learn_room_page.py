@@ -69,7 +69,7 @@ def test_button_makes_the_edge_learn_the_room() -> None:
         assert status == 409 and "learns no room" in text
         house.edge.handlers[LearnRoom] = Handler(done.append)
         assert press(page)[0] == 303
-        assert done == [LearnRoom()] and "floor learns the room again" in page.get("/")
+        assert done == [LearnRoom()] and "made floor learn the room again" in page.get("/")
         assert page.request("POST", "/room", body="subject=floor&token=wrong")[0] == 409
         assert page.request("GET", "/confirm?action=room&subject=roof")[0] == 404
     assert done == [LearnRoom()]

@@ -171,7 +171,7 @@ def test_strangers_read_and_change_nothing_by_any_request(locked: Locked, kind: 
         assert answer is None
     else:
         assert isinstance(answer, Refused) and (
-            "paired viewers only" in answer.reason if NEEDED_ROLES[kind] else "pairing" in answer.reason
+            "only paired viewers" in answer.reason if NEEDED_ROLES[kind] else "pairing" in answer.reason
         )
 
 
@@ -319,14 +319,14 @@ def test_a_viewer_pairs_and_is_connected_without_a_restart(
     locked: Locked, viewer_config: KeyStore, capsys: pytest.CaptureFixture[str]
 ) -> None:
     client = visit(locked, lambda client: state_of(client) == "no access")
-    assert "paired viewers only" in text_of(client) and "enliven pair 127.0.0.1" in text_of(client)
-    assert any("paired viewers only" in notice.text for notice in client.take_notices())
+    assert "only paired viewers" in text_of(client) and "enliven pair 127.0.0.1" in text_of(client)
+    assert any("only paired viewers" in notice.text for notice in client.take_notices())
     locked.access.open_pairing()
     code = locked.access.desk.code
     words = ["pair", str(locked.endpoint), code[:3], code[3:], "--role", "watch", "--name", "lap\ntop"]
     assert run_beside(locked, lambda: cli.run(words)) == 0
     output = capsys.readouterr().out
-    assert "paired with stage as watch" in output and fingerprint(locked.own.public) in output
+    assert "paired with stage in the role watch" in output and fingerprint(locked.own.public) in output
     locked.house.until(lambda: state_of(client) == "connected", client.poll)
     locked.house.until(lambda: client.edges[0].role == "watch", client.poll)
     own = viewer_config.load_own_pair()
@@ -582,7 +582,7 @@ def test_real_programs_pair_by_the_code_in_the_edges_log(
         assert code is not None, Path(edge.log.name).read_text()
         monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "viewer"))
         assert cli.run(["doctor", "--remote", edge.address]) == 4
-        assert "paired viewers only" in " ".join(capsys.readouterr().out.split())
+        assert "only paired viewers" in " ".join(capsys.readouterr().out.split())
         assert cli.run(["pair", edge.address, *code.groups(), "--role", "watch"]) == 0
         edge.wait()
         assert cli.run(["doctor", "--remote", edge.address]) in (0, 4)

@@ -192,5 +192,5 @@ def test_telemetry_host_in_a_package_is_reported(tmp_path, capsys) -> None:
         (tmp_path / package).mkdir()
         (tmp_path / package / "library.so").write_bytes(b"\x7fELF" + content)
     (sentence,) = audit.telemetry(tmp_path)
-    assert sentence.startswith("chatty names sentry.io")
-    assert "onnxruntime names events.data.microsoft.com: off by" in capsys.readouterr().out
+    assert sentence.startswith("chatty contains the telemetry host sentry.io")
+    assert "onnxruntime contains the host events.data.microsoft.com: off by" in capsys.readouterr().out

@@ -100,7 +100,7 @@ def test_other_parts_are_attached_to_the_recorded_mesh(take, tmp_path, capsys):
 def test_invalid_possess_arguments_are_reported(take, tmp_path, capsys):
     out = str(tmp_path / "no.enliven")
     for asked, words in (
-        ([str(take), "-c", "table", "-o", out], "Known: chair"),
+        ([str(take), "-c", "table", "-o", out], "Possessed characters: chair"),
         ([str(OLD), "-o", out], "no performer|bodies|--mesh"),
         ([str(take), "--mesh", str(tmp_path / "none.obj"), "-o", out], "none.obj"),
         ([str(take), "--parts", "tail", "-o", out], "tail"),

@@ -102,7 +102,7 @@ def test_impossible_scan_gives_the_reason_and_cancelled_scan_is_gone(running, fr
     running.ask(Scan("done"))
     running.until(lambda: running.get_scan_message().phase == "failed", "the refusal")
     assert (
-        "moved 0 cm" in running.get_scan_message().note
+        "moved only 0 cm" in running.get_scan_message().note
         and "around the object" in running.get_scan_message().remedy
     )
     running.ask(Scan("go on"))

@@ -181,7 +181,7 @@ def test_scan_is_added_to_the_stage_of_a_running_edge(edge: StagedEdge, tmp_path
     app.command()(scan)
     words = ["--recording", str(tmp_path / "carried.mcap"), "-o", str(target), "--voxel", "12"]
     result = CliRunner().invoke(app, [*words, "--edge", str(edge.endpoint)])
-    assert result.exit_code == 0 and "box stands on the stage" in result.output, result.output
+    assert result.exit_code == 0 and "box is now on the stage" in result.output, result.output
     edge.until(lambda: "box" in edge.link.characters)
     on_stage, scanned = (
         np.ptp(edge.link.characters["box"].vertices, 0),

@@ -212,7 +212,7 @@ def test_silence_and_end_of_the_edge_are_reported(
     assert link.health[publisher.endpoint].state == "connected"
     monkeypatch.setattr("enliven_viewer.link.edge_connection.SILENCE_TIMEOUT_S", 0.1)
     until(link, lambda: link.health[publisher.endpoint].state == "stale")
-    assert "silent" in link.health[publisher.endpoint].text
+    assert "has sent nothing for" in link.health[publisher.endpoint].text
     publisher.set_status(phase="ended")
     until(link, lambda: link.health[publisher.endpoint].state == "ended", publisher)
 

@@ -92,7 +92,9 @@ def work(workspace: Workspace) -> Iterator[Action]:
     report["left"] = get_puppet_editor(workspace.editor).puppet is None
     yield Click(Widget("character star"))
     report["again"] = get_puppet_editor(workspace.editor).puppet is star()
-    yield Do(lambda workspace: report.update(bad=[t.text for t in workspace.editor.toasts.shown if t.bad]))
+    yield Do(
+        lambda workspace: report.update(bad=[t.text for t in workspace.editor.toasts.shown if t.is_error])
+    )
     report["done"] = True
 
 

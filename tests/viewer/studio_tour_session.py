@@ -111,7 +111,9 @@ def by_hand(workspace: Workspace) -> Iterator[Action]:
     yield Click(Widget("record"))
     yield Wait(0.8)
     yield from shot("04b counting")
-    yield from until(workspace, lambda: "does what" in find_tour(workspace).text, "the dance")
+    yield from until(
+        workspace, lambda: "the chair moves as the dancer moves" in find_tour(workspace).text, "the dance"
+    )
     yield from shot("04c dancing")
     yield from until(workspace, lambda: "Stop" in find_tour(workspace).text, "enough of it")
     yield from meets(workspace, "record")

@@ -181,7 +181,7 @@ class ScanJob:
         )
         summary = f"{len(scan_result.mesh.faces)} triangles{reduction_note}, {size} cm, "
         summary += f"from {self.scan_log.frames} frames"
-        print_line(f"{output}: {summary}, {self.scan_log.progress_text}")
+        print_line(f"{output}: {summary}, {self.scan_log.progress_text(self.scanner)}")
         if scan_result.cut_note:
             print_line(scan_result.cut_note[:1].upper() + scan_result.cut_note[1:])
         if scan_result.mesh.colours is None:
@@ -198,9 +198,8 @@ class ScanJob:
             for frame in itertools.takewhile(self._start_time_limit(), self._images(stop)):
                 step = self.scanner.add(frame)
                 self.scan_log.add(step if isinstance(step, ScanStep) else step.scan_step, frame.time_ns)
-                progress.update(
-                    task, count=self.scan_log.frames, description=f"Scanning, {self.scan_log.progress_text}"
-                )
+                description = f"Scanning, {self.scan_log.progress_text(self.scanner)}"
+                progress.update(task, count=self.scan_log.frames, description=description)
                 if self.scanner.is_full:
                     break
         if self.first is not None:

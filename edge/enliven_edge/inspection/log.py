@@ -76,7 +76,7 @@ class SensorLog:
         if self._losses:
             facts.append(("lost", f"{len(self._losses)} times, for {self._lost_seconds:.1f} s in total"))
             facts += [
-                ("", f"second {second:.2f} s: {reason}")
+                ("", f"at {second:.2f} s: {reason}")
                 for second, reason in self._losses[:_MAX_DESCRIBED_LOSSES]
             ]
         if self._unusable:

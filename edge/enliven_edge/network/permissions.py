@@ -22,7 +22,7 @@ def refusal_reason(kind: type[Ask], role: Role | None, address: str) -> str:
     needed = NEEDED_ROLES.get(kind, ROLES[-1])
     if not role_includes(role, needed):
         if role is None:
-            return f"this edge answers paired viewers only. {HOW_TO_PAIR}"
+            return f"this edge accepts only paired viewers. {HOW_TO_PAIR}"
         return (
             f"this viewer has the role {role!r}, but the request needs the role {needed!r}. Pair this "
             f"viewer again with --role {needed}."

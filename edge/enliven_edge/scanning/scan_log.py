@@ -50,11 +50,20 @@ class ScanLog:
             self._fast_frames += moved_m > _MAX_CAMERA_SPEED * max(time_ns - self._last[0], 1) * 1e-9
         self._last = time_ns, place
 
-    @property
-    def progress_text(self) -> str:
-        """Returns one line of text for a progress bar."""
+    def progress_text(self, scanner: Scanner | MovedScanner | None = None) -> str:
+        """Returns one line of text for a progress bar.
+
+        In a scan of a person or of a moved object, the path is relative to them: the camera may stand still.
+        """
+        path = f"{self.path_length_m:.1f} m"
+        if isinstance(scanner, PersonScanner):
+            path_text = f"camera path relative to the person {path}"
+        elif isinstance(scanner, MovedScanner):
+            path_text = f"camera path relative to the object {path}"
+        else:
+            path_text = f"camera moved {path}"
         lost = self.counts[ScanState.LOST]
-        return f"camera moved {self.path_length_m:.1f} m" + (f", lost in {lost} frames" if lost else "")
+        return path_text + (f", lost in {lost} frames" if lost else "")
 
     def raise_scan_error(self, where: str, scanner: Scanner | MovedScanner | None = None) -> None:
         """Raises an error with the reason why no mesh can be made.

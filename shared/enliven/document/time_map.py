@@ -199,12 +199,14 @@ class TimeMap:
         """Returns the weight of a layer without ``hold`` at a time of its lane, within a loop."""
         begin, end = find_clip_run(lane, number)
         if self.loop:
-            # A gapless loop fades in only before its first round. The layer has no effect before its first
-            # loop.
+            # A gapless loop only fades in, at the start of its first round. That is the end of the lane if it
+            # plays backwards. The layer has no effect before its first loop.
             if (rounds < 0 and self.speed > 0.0) or (rounds > 0 and self.speed < 0.0):
                 return 0.0
-            begin = -math.inf if begin <= _TOUCHING_CLIPS_S and rounds else begin
-            end = math.inf if end >= lane[-1].end - _TOUCHING_CLIPS_S else end
+            if begin <= _TOUCHING_CLIPS_S and (rounds or self.speed < 0.0):
+                begin = -math.inf
+            if end >= lane[-1].end - _TOUCHING_CLIPS_S and (rounds or self.speed > 0.0):
+                end = math.inf
         if not begin <= at <= end:
             return 0.0
         return (

@@ -379,8 +379,8 @@ class HealthApplication:
         except EnlivenError as error:
             return self._create_failure_page(error)
         address = request.client.host if request.client else "unknown"
-        log.warning("%s started learning of the room on %s", address, subject)
-        notice = f"{address} started learning of the room on {subject}."
+        log.warning("%s made %s learn the room again", address, subject)
+        notice = f"{address} made {subject} learn the room again."
         self._notices.append((time.monotonic(), escape_text(notice)))
         return Response(status_code=303, headers={"Location": "/"})
 

@@ -59,7 +59,7 @@ def lower_priority() -> None:
     """Gives this process the lowest priority for processor and disk that the operating system has."""
     if sys.platform == "win32":
         return  # On this system the program has already started this process with idle priority.
-    os.nice(_NICENESS)
+    os.setpriority(os.PRIO_PROCESS, 0, _NICENESS)
     if sys.platform == "linux":
         with contextlib.suppress(OSError):
             os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))

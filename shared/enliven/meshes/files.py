@@ -59,7 +59,7 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     if suffix == ".stl":
         # STL never shares vertices between faces, so duplicate positions are not shading seams. Weld them.
         welded, _ = weld(mesh)
-        notes = [note for note in notes if "repeat a position" not in note]
+        notes = [note for note in notes if "have the same position as another vertex" not in note]
         notes.append(
             f"{len(mesh.vertices)} triangle corners of the STL file were welded to "
             f"{len(welded.vertices)} vertices"

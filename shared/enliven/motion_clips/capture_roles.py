@@ -103,8 +103,9 @@ def _find_matching_pair(
 
 
 def _make_missing_role_error(capture: Capture, role: str) -> InputError:
+    article = "an" if role[0] in "aeiou" else "a"
     return InputError(
-        f"no joint is named as a {role}",
+        f"no joint is named as {article} {role}",
         where="motion capture",
         remedy=f"Names of the joints: {', '.join(capture.names[:40])}.",
     )

@@ -145,7 +145,7 @@ def test_every_control_word_equals_a_viewers_request(outlet, caplog):
     house.sensor.bodies = []
     house.step()
     said("possess")
-    assert "possess was refused" in caplog.text and "nobody is in view" in caplog.text
+    assert "the command 'possess' was refused" in caplog.text and "nobody is in view" in caplog.text
     house.sensor.bodies = [person(), person(left=(0.0, 1.0, 0.0), id=2, at=(1.0, 0.0, -2.5))]
     house.step()
     first = house.shown
@@ -199,7 +199,7 @@ def test_parts_are_named_by_a_word(outlet):
     [
         ("possess left foo", "Did you mean left foot"),
         ("release legs", "Did you mean 'release'"),
-        ("parts", "Such as"),
+        ("parts", "For example"),
         ("posess", "Did you mean 'possess'"),
     ],
 )

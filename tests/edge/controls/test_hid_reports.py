@@ -93,4 +93,4 @@ def test_missing_device_is_searched_while_the_edge_continues(caplog):
         wait_until(lambda: "no HID device f055:0001" in caplog.text)
         assert reader.poll() == [] and reader._thread.is_alive()
     assert not reader._thread.is_alive()
-    assert caplog.text.count("is missing") == 1
+    assert caplog.text.count("is not available") == 1

@@ -80,13 +80,13 @@ def test_unplugged_pedal_is_found_again_and_both_are_reported_once(pedal, caplog
         pedal.send(b"A\nhalf a li")
         wait_until(lambda: ear.heard(1))
         pedal.unplug()
-        wait_until(lambda: "is missing" in caplog.text)
+        wait_until(lambda: "is not available" in caplog.text)
         pedal.plug()
         wait_until(lambda: caplog.text.count("is connected") == 2)
         pedal.send(b"B\n")
         wait_until(lambda: ear.heard(2))
     assert ear.words == ["possess", "next"]
-    assert caplog.text.count("is missing") == 1
+    assert caplog.text.count("is not available") == 1
 
 
 def test_a_pedal_may_come_after_the_edge(tmp_path, caplog):
@@ -95,7 +95,7 @@ def test_a_pedal_may_come_after_the_edge(tmp_path, caplog):
     pedal.unplug()
     with opened(pedal) as controls:
         ear = Ear(controls)
-        wait_until(lambda: "is missing" in caplog.text)
+        wait_until(lambda: "is not available" in caplog.text)
         pedal.plug()
         wait_until(lambda: "is connected" in caplog.text)
         pedal.send(b"A\n")
@@ -135,7 +135,7 @@ def test_noise_without_an_end_is_no_press_and_takes_no_room():
     ("settings", "message"),
     [
         (ControlSettings("serial", {"A": "posess"}, port="x"), "Did you mean 'possess'"),
-        (ControlSettings("serial", {"A": "zzz"}, port="x"), "Known: possess, join"),
+        (ControlSettings("serial", {"A": "zzz"}, port="x"), "Known commands: possess, join"),
         (ControlSettings("serial"), "the serial control has no port"),
         (
             ControlSettings("serial", port="x", vendor=3),

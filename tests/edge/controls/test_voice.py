@@ -225,4 +225,4 @@ def test_missing_microphone_is_searched_while_the_edge_continues(caplog):
             lambda: caplog.text.count("Traceback") >= 3
         )  # three tries, each with a restarted PortAudio
         assert reader.poll() == []
-    assert caplog.text.count("is missing") == 1
+    assert caplog.text.count("is not available") == 1

@@ -324,7 +324,7 @@ def test_damaged_skeleton_files_are_reported_with_the_place(tmp_path):
     cases = {
         "msr-action3d": (msr_rows(person(), False)[:-60], "not a multiple of 80"),
         "kinect-gait": ("Head;0;1;2\nTail;0;1;2\n", "line 2 names the unknown joint 'Tail'"),
-        "flow-room": ('[[{"bodyIndex":0,"joints":[{"x":1,"y":2,"z":3}]}]]', "body of 1 joints"),
+        "flow-room": ('[[{"bodyIndex":0,"joints":[{"x":1,"y":2,"z":3}]}]]', "a body with 1 joints"),
         "body-scanner": ("Joints,X,Y,Z\nDegree,1,1,1\nHead,0,1,2\n", "the row SpineBase is missing"),
         "multitrack": (MULTI_KEYS + ", SpineBase_X\n", "column SpineBase_Y is missing"),
         "labanotation": ("", "empty"),
@@ -397,5 +397,7 @@ def test_several_recordings_are_not_mixed(tmp_path):
     for name in "abcdef":
         paths.append(tmp_path / f"{name}.txt")
         paths[-1].write_text(msr_rows(person(), False))
-    with pytest.raises(InputError, match=r"6 recordings \(a.txt, b.txt, c.txt, d.txt, ...\)"):
+    with pytest.raises(
+        InputError, match=r"the 6 files are separate recordings \(a.txt, b.txt, c.txt, d.txt, ...\)"
+    ):
         list(find_reader(paths).read(paths))

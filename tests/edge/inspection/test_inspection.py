@@ -142,7 +142,7 @@ def test_the_command_makes_a_film_and_a_sheet(tmp_path) -> None:
     words = [str(tmp_path / "a.mcap"), "-o", str(tmp_path / "a.mp4"), "--sheet", str(tmp_path / "a.png")]
     result = CliRunner().invoke(app, words)
     assert result.exit_code == 0, result.output
-    assert "14 frames at 30 a second" in result.output
+    assert "14 frames at 30 frames per second" in result.output
     assert Image.open(tmp_path / "a.png").size[0] == 4 * 480
     assert (tmp_path / "a.mp4").stat().st_size > 2000
 

@@ -225,7 +225,7 @@ def test_one_of_two_driving_performers_releases() -> None:
     np.testing.assert_allclose(
         show.limb("right"), limb_before, atol=1e-9, err_msg="who is away stays as they were"
     )
-    with pytest.raises(InputError, match="does not drive it"):
+    with pytest.raises(InputError, match="performer 2 does not drive this character"):
         show.stage.release("star", 2)
 
 

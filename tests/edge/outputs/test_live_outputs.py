@@ -48,11 +48,15 @@ def test_lost_packets_are_a_health_state_and_are_logged_once(caplog):
 
         (state,) = wait_until(trouble, "the health state")
         assert state.kind == HealthKind.OUTPUT_FAILS and state.since_ns == 5
-        assert f"osc:127.0.0.1:{port}" in state.what and "no program listens" in state.what and state.remedy
+        assert (
+            f"osc:127.0.0.1:{port}" in state.what
+            and "no program receives packets" in state.what
+            and state.remedy
+        )
         for _ in range(50):
             trouble()
             time.sleep(0.002)
-        assert len([r for r in caplog.records if "no program listens" in r.getMessage()]) == 1
+        assert len([r for r in caplog.records if "no program receives packets" in r.getMessage()]) == 1
         with OscReceiver(port):
             wait_until(lambda: not trouble(), "the state is cleared")
 

@@ -147,7 +147,7 @@ def test_unseen_joints_are_completed_from_a_standing_person(scanned):
 def test_the_command_writes_a_project_that_knows_its_ends(images, tmp_path):
     recording = write(images[:10], tmp_path / "me.mcap")
     output = run("--recording", recording, "-o", tmp_path / "me.enliven", "--person", "--voxel", 16)
-    assert "of 10 frames" in output and "camera moved" not in output
+    assert "from 10 frames" in output and "camera moved" not in output
     (character,) = read_project(tmp_path / "me.enliven").characters.values()
     assert character.ends.shape == (5, 3) and character.ends[0, 1] > 1.6 and character.ends[3:, 1].max() < 0.2
     assert character.ends[1, 0] > character.ends[2, 0], "their left is at +X, for they face +Z"

@@ -81,7 +81,7 @@ def test_within_option_cuts_off_the_background(frames, tmp_path):
             recorder.write_frame(frame)
     words = ["--recording", str(tmp_path / "turned.mcap"), "-o", str(target), "--voxel", "10"]
     result = CliRunner().invoke(app, [*words, "--within", "2.2"])
-    assert result.exit_code == 0 and "of 12 frames" in result.output, result.output
+    assert result.exit_code == 0 and "from 12 frames" in result.output, result.output
     mesh = load_mesh(target).mesh
     assert mesh.vertices[:, 1].min() == pytest.approx(0.0, abs=1e-6)
     size = np.ptp(mesh.vertices, axis=0)

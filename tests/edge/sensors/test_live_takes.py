@@ -184,7 +184,7 @@ def test_inspect_reports_gaps_temperature_and_losses(tmp_path, capsys):
     lines = [line.strip().split(maxsplit=1) for line in capsys.readouterr().out.splitlines()]
     facts = {name: value.strip() for name, value in lines if name != "at"}
     assert facts["frames"] == "5 in 1.4 s of scripted" and facts["link"] == "USB 3, USB 2"
-    assert facts["missing"] == "9 images in 2 gaps; the longest 7 at 0.37 s", (
+    assert facts["missing"] == "9 images in 2 gaps; the longest gap is 7 images at 0.37 s", (
         "not what passed while it was lost"
     )
     assert facts["temperature"] == "41 to 93 degrees; the sensor switches off at 105"
@@ -201,7 +201,9 @@ def test_damaged_sensor_reports_never_cost_a_frame(tmp_path):
     """Messages next to the frames are damaged, and the device reports NaN."""
     frame = Scripted([Step()]).read()
     with Recorder(tmp_path / "a.mcap") as recorder:
-        EventLog(recorder).frame(frame, Condition(temperature=float("nan"), gravity=(float("nan"), 0.0, 0.0)))
+        EventLog(recorder).write_frame(
+            frame, Condition(temperature=float("nan"), gravity=(float("nan"), 0.0, 0.0))
+        )
         for topic in (CONDITION_TOPIC, EVENTS_TOPIC):
             recorder.write(topic, "x", "", "", "json", b'{"kind": 7, "link": [', frame.time_ns, "scripted")
         recorder.write_frame(replace(frame, time_ns=frame.time_ns + STEP))
@@ -295,7 +297,7 @@ def test_a_recording_without_colour_is_no_rehearsal_of_colour(driver, tmp_path):
     needed(driver)
     recorded(tmp_path / "grey.mcap", Scripted([Step()])).close()
     kind = {"oak": OakSensor, "realsense": RealSenseSensor}[driver]
-    with pytest.raises(InputError, match=r"no colour\. Rehearse without colour=true"):
+    with pytest.raises(InputError, match=r"no colour images\. Rehearse without colour=true"):
         kind(rehearse=str(tmp_path / "grey.mcap"), colour=True)
 
 

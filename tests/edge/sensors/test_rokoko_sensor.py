@@ -165,7 +165,7 @@ def test_the_newest_of_waiting_packets_is_read():
         send(sensor, *(packet(("A", moved(step))) for step in range(20)))
         (body,) = sensor.read(WAIT).bodies
         assert body.joints[Joint.HIP_CENTER][0] == pytest.approx(-19.0)
-        with pytest.raises(TimeoutError, match="no actors came"):
+        with pytest.raises(TimeoutError, match="no actors arrived"):
             sensor.read(0.05)
 
 

@@ -95,7 +95,7 @@ def test_view_of_one_sensor_is_described_and_drawn(capsys, tmp_path):
     assert code == 0
     facts = dict(line.split(maxsplit=1) for line in out.splitlines() if not line.startswith(str(tmp_path)))
     assert facts["image"].strip() == "320 x 240" and float(facts["rate"].split()[0]) == 30.0
-    assert abs(float(facts["floor"].split()[0]) - 1.15) < 0.011 and int(facts["floor"].split()[-3]) == 5
+    assert abs(float(facts["floor"].split()[0]) - 1.15) < 0.011 and int(facts["floor"].split()[-2]) == 5
     picture = np.asarray(Image.open(tmp_path / "a.png"))
     assert picture.shape[:2] == (240, 320) and picture.std() > 10
 

@@ -107,7 +107,7 @@ def test_unnamed_join_selects_a_free_performer(chair):
     assert [h.body for h in house.actors["chair"].holds] == [1, 2]
     house.release("chair", 1)
     assert [h.body for h in house.actors["chair"].holds] == [2]
-    with pytest.raises(InputError, match=r"performer 1 does not hold it.*held by: 2"):
+    with pytest.raises(InputError, match=r"performer 1 does not hold this character.*held by: 2"):
         house.release("chair", 1)
     house.release("chair")
     assert house.actors["chair"].state == "free"

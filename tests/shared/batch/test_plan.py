@@ -64,7 +64,7 @@ def test_the_number_of_named_files_is_limited(library: Path) -> None:
     ("text", "part"),
     [
         ('motions = ["motions"]', "has no characters"),
-        ('characters = ["characters"]', "has neither a plan"),
+        ('characters = ["characters"]', "the plan has no motions"),
         ('motions = ["motions"]\ncharacters = ["characters"]\nformat = "fbx"', ".fbx cannot be written"),
         ('motion = ["motions"]', "did you mean motions"),
         ('motions = ["motions"]\ncharacters = ["characters"]\n[options]\nrate = 1000', "options.rate"),
@@ -83,7 +83,7 @@ def test_the_number_of_named_files_is_limited(library: Path) -> None:
     ],
     ids=[
         "no characters",
-        "neither a plan",
+        "no motions",
         "format",
         "key",
         "range",

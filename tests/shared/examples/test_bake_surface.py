@@ -59,7 +59,7 @@ def test_a_bending_tube_is_followed_and_the_error_is_the_true_one(shear):
     assert np.sqrt((off**2).mean()) == pytest.approx(baked.error.rms, rel=1e-3)
     assert off.max() == pytest.approx(baked.error.worst, rel=1e-3)
     assert off[baked.error.frame, baked.error.vertex] == pytest.approx(off.max(), rel=1e-3)
-    assert "% of its size" in str(baked.error)
+    assert "% of the mesh's size" in str(baked.error)
     if not shear:
         squares = np.einsum("fkba,fkbc->fkac", baked.linear, baked.linear)
         along = np.einsum("kab,fkac,kcd->fkbd", baked.axes, squares, baked.axes)

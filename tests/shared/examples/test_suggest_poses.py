@@ -32,7 +32,7 @@ def test_as_many_are_suggested_as_there_are_poses():
 
 
 def test_motionless_take_is_refused():
-    with pytest.raises(InputError, match="never moves"):
+    with pytest.raises(InputError, match="does not move"):
         suggest_poses(np.ones((50, 3, 3)))
 
 

@@ -191,7 +191,7 @@ def test_content_unsupported_by_bvh_is_reported():
         "chair", np.zeros((1, 3)), np.zeros((0, 2)), mesh, skin, (GraphPart("dance", [0]),)
     )
     performance = sample_performance(Project().with_streams(stream).with_characters(graph), "chair")
-    with pytest.raises(InputError, match=r"no skeleton.*Write a \.glb instead"):
+    with pytest.raises(InputError, match=r"no skeleton.*Export a \.glb file instead"):
         bvh_text(performance)
     with pytest.raises(InputError, match="only one character, but 2"):
         exporter_of("a.bvh").write("a.bvh", [performance, performance], "two")

@@ -148,13 +148,13 @@ def test_motion_files_are_turned_into_one_another(made, tmp_path):
     [
         (("no.mcap", "-o", "out.fbx"), 3, ".fbx cannot be written. Known suffixes: .bvh, .csv, .glb"),
         (("no.mcap", "-o", "moveis/out.glb"), 4, "moveis' does not exist"),
-        (("no.mcap", "-o", "out.glb", "--unit", "cm"), 3, ".glb has no 'unit' to choose"),
+        (("no.mcap", "-o", "out.glb", "--unit", "cm"), 3, ".glb does not support the option 'unit'"),
         (
             ("no.mcap", "-o", "out.bvh", "--unit", "inch"),
             3,
             "the unit 'inch' is unknown. Known units: m, cm.",
         ),
-        (("no.mcap", "-o", "out.bvh", "--morphs"), 3, ".bvh has no 'morphs' to choose"),
+        (("no.mcap", "-o", "out.bvh", "--morphs"), 3, ".bvh does not support the option 'morphs'"),
         (("no.mcap", "-o", "out.glb"), 3, "the file does not exist"),
         (
             ("empty.mcap", "-o", "out.glb"),
@@ -171,14 +171,18 @@ def test_motion_files_are_turned_into_one_another(made, tmp_path):
             3,
             "no character 'sofa'. Known characters: man, chair, bean",
         ),
-        (("show.enliven", "-o", "out.bvh", "-c", "chair"), 3, "chair has no skeleton. Write a .glb instead"),
+        (
+            ("show.enliven", "-o", "out.bvh", "-c", "chair"),
+            3,
+            "chair has no skeleton, but the output format needs one. Write a .glb file instead",
+        ),
         (
             ("show.enliven", "-o", "out.bvh", "-c", "man", "-c", "dance"),
             3,
             "Choose one with --character: man",
         ),
         (("show.enliven", "-o", "out.glb", "--start", 9, "--end", 8), 3, "frames per second is not valid"),
-        (("live.mcap", "-o", "out.bvh", "-c", "live", "--start", 9), 3, "it cannot be cut from 9 s"),
+        (("live.mcap", "-o", "out.bvh", "-c", "live", "--start", 9), 3, "there is no motion from 9 s"),
     ],
 )
 def test_impossible_export_is_reported_and_leaves_no_file(show, capsys, words, code, said):

@@ -113,7 +113,7 @@ def test_too_large_a_page_is_refused_and_the_old_file_stays(walk, tmp_path, monk
     path = tmp_path / "walk.html"
     path.write_text("old")
     monkeypatch.setattr(html_page, "MAX_PAGE_MB", 0)
-    with pytest.raises(InputError, match=r"more than 0 MB.*--rate"):
+    with pytest.raises(InputError, match=r"larger than 0 MB.*--rate"):
         save(path, [walk])
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
 

@@ -165,6 +165,6 @@ def test_the_command_writes_a_sequence(walk, tmp_path, capsys):
     exporter_of(shape_file).save(shape_file, [sample_performance(walk, "man", rate=10.0)], "man")
     words = ["-o", str(tmp_path / "man.obj-sequence"), "--unit", "cm", "--end", "0.2", "--rate", "10"]
     assert run(["export", str(shape_file), *words]) == 0
-    assert "are in" in capsys.readouterr().out
+    assert "contains 0.20 s of motion of man" in capsys.readouterr().out
     files = sorted((tmp_path / "man.obj-sequence").iterdir())
     assert len(files) == 4 and np.ptp(vertices_of(files[1]), axis=0).max() > 100

@@ -160,7 +160,7 @@ def test_a_foot_under_a_controller_hangs_on_the_shin(tmp_path):
     rig = read_gltf(gltf.write(tmp_path / "leg.gltf"))
     skeleton = rig.shape.skeleton
     assert skeleton.names == ("hip", "shin", "foot", "foot end")
-    assert "attached to the joints that they follow: foot on shin" in rig.notes
+    assert "joints were attached to the joints that they follow: foot on shin" in rig.notes
     slow = SlowGltf(tmp_path / "leg.gltf")
     (clip,) = rig.clips
     for frame in range(0, len(clip.turns), 3):

@@ -371,7 +371,7 @@ def test_beyond_loopback_only_the_password_over_tls_opens_the_page(
         secured(tmp_path, certificates, running) as (profile, context, certificate),
         health_page(profile, PASSWORD, context) as page,
     ):
-        text = page.wait_for("TLS certificate of health expires")
+        text = page.wait_for("TLS certificate of the health server expires")
         assert "30 frames/s" in text
         _, headers, _ = page.request("GET", "/")
         assert "strict-transport-security" in headers
@@ -405,7 +405,7 @@ def test_the_certificate_of_souvenirs_warns_on_the_page_to_the_doctor_and_by_an_
     with edges(floor=(BODIES, pack_stream(FINE))) as running:
         profile = replace(profile_of(running), souvenir=souvenir, alerts=alerts)
         with health_page(profile) as page:
-            page.wait_for("TLS certificate of souvenirs expires")
+            page.wait_for("TLS certificate of the souvenirs server expires")
             page.wait_for("enliven_alerts_sent_total 1", "/metrics")
             assert 'enliven_certificate_expiry_time_seconds{use="souvenirs"}' in page.get("/metrics")
             assert page.request("GET", "/health")[0] == 200
@@ -413,13 +413,13 @@ def test_the_certificate_of_souvenirs_warns_on_the_page_to_the_doctor_and_by_an_
             exit_code, checks = check_installation(url, None, "", monkeypatch, capsys)
             assert exit_code == LACKING and not checks[f"{path}: certificate expires"]["ok"]
             certificates.make("souvenirs", begin=long_ago, days=8.0)
-            page.wait_for("TLS certificate of souvenirs expired")
+            page.wait_for("TLS certificate of the souvenirs server expired")
             page.wait_for("enliven_alerts_sent_total 2", "/metrics")
             assert page.request("GET", "/health")[0] == 503
             certificates.make("souvenirs", days=100.0)
             page.wait_for("No problems")
             path.unlink()
-            page.wait_for("TLS certificate of souvenirs cannot be read")
+            page.wait_for("TLS certificate of the souvenirs server cannot be read")
     kinds = [json.loads(line)["kind"] for line in (tmp_path / "alerts").read_text().splitlines()]
     assert kinds[:2] == ["certificate expires", "certificate expired"]
 

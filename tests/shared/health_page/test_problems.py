@@ -127,8 +127,8 @@ def test_a_certificate_is_reported_14_days_before_its_end(use):
     assert list(find_certificate_problems(certificate, end_s - 15 * DAY_S)) == []
     (soon,) = find_certificate_problems(certificate, end_s - 13 * DAY_S)
     (late,) = find_certificate_problems(certificate, end_s)
-    assert f"{use} expires on 1970-04-11" in soon.message and soon.severity is Severity.WARNING
-    assert f"{use} expired on 1970-04-11" in late.message and late.severity is Severity.ERROR
+    assert f"{use} server expires on 1970-04-11" in soon.message and soon.severity is Severity.WARNING
+    assert f"{use} server expired on 1970-04-11" in late.message and late.severity is Severity.ERROR
     assert soon.alerts and late.alerts and soon.kind != late.kind, "the second one must alert again"
 
 

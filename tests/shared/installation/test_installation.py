@@ -131,7 +131,7 @@ def test_recordings_outlive_the_kiosk(profile: Path, root: Path, capsys) -> None
     take.write_bytes(b"a visit")
     (root / "var/lib/enliven/cache").mkdir()
     install_kiosk(None, remove=True, root=root)
-    assert "kept: /var/lib/enliven/recordings" in capsys.readouterr().out
+    assert "not deleted: /var/lib/enliven/recordings" in capsys.readouterr().out
     assert [path.name for path in (root / "var/lib/enliven").rglob("*")] == ["recordings", "visit.mcap"]
     assert take.read_bytes() == b"a visit"
 
@@ -167,7 +167,7 @@ def test_mistakes_are_named_together_and_nothing_is_written(profile: Path, tmp_p
     lines = capsys.readouterr().err.splitlines()
     assert [line for line in lines if "apt-get install cage" in line]
     assert [line for line in lines if "apt-get install seatd" in line]
-    assert [line for line in lines if "mesh gone.obj" in line]
+    assert [line for line in lines if "mesh file gone.obj" in line]
     assert [line for line in lines if "settings file gone.toml" in line]
     assert list(bare.iterdir()) == []
 

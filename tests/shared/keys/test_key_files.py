@@ -116,7 +116,7 @@ OTHER = z85.encode(bytes(range(32, 64))).decode()
     ("text", "told"),
     [
         ("", "public key is missing"),
-        ("\x00\x01", "not readable"),
+        ("\x00\x01", "not valid TOML"),
         ("-----BEGIN OPENSSH PRIVATE KEY-----", "not valid TOML"),
         ("version = 99", "version 99"),
         (f'public = "{KEY[:-1]}"\nsecret = "{OTHER}"', "public key is missing or invalid"),

@@ -90,7 +90,7 @@ CHAIN = '[[chain]]\nsource = "a..b"\ntarget = "c..d"\n'
         ("resst = 1\n" + CHAIN, "unknown key resst", "map.toml"),
         (CHAIN + "wieght = 1\n", "unknown key wieght", "map.toml, chain 1"),
         (CHAIN + CHAIN + "weight = 2\n", "weight is 2", "map.toml, chain 2"),
-        (CHAIN + "speed = 0\n", "speed of 0", "chain 1"),
+        (CHAIN + "speed = 0\n", "speed is 0", "chain 1"),
         (CHAIN + 'mode = "dance"\n', "mode is 'dance'", "chain 1"),
         ('[[chain]]\nsource = "a..b"\n', "needs a source and a target", "chain 1"),
         ("[[chain]]\nsource = 3\ntarget = 4\n", "source is 3", "chain 1"),

@@ -162,7 +162,7 @@ def test_every_repair_is_reported():
     report = " | ".join(notes)
     for words in (
         "1 vertices with invalid positions and 1 faces that use them",
-        "1 degenerate",
+        "1 faces without area",
         "2 duplicate faces",
         "2 of 10",
     ):

@@ -200,14 +200,14 @@ def test_layouts_of_obj(tmp_path, layout) -> None:
     ("old", "new", "words"),
     [
         ("f 5 6 7 8", "f 5 6 7 0", "line 10: a face refers to vertex 0"),
-        ("f 5 6 7 8", "f 5 6 7 9", "line 10: a face refers to vertex 9 of 8"),
+        ("f 5 6 7 8", "f 5 6 7 9", "line 10: a face refers to vertex 9, but only 8 vertices exist"),
         ("f 5 6 7 8", "f 5 6 7 -9", "line 10: a face refers to vertex -9"),
         ("f 5 6 7 8", "f 5 \\\n6 7 0", "line 10: a face refers to vertex 0"),
         ("f 4 1 5 8", "f 4 1 5 0", "line 14: a face refers to vertex 0"),
         ("f 1 4 3 2", "f 1 4 \\\n3 2\nf 0 1 2", "line 11: a face refers to vertex 0"),
         ("f 5 6 7 8", "f 5 six 7 8", "line 10: 'six' is not a whole number"),
         ("v 0 0 1", "v 0 0 one", "line 5: 'one' is not a number"),
-        ("v 0 0 1", "v 0 0", "line 5: a vertex has 2 numbers"),
+        ("v 0 0 1", "v 0 0", "line 5: a vertex has only 2 numbers"),
     ],
 )
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
@@ -290,8 +290,11 @@ ASCII_STL = (
     ("data", "note"),
     [
         (solid(), ""),
-        (solid() + b"\0\0", "ignored 2 bytes"),
-        (solid(b"made by hand") + b"colours: none\n", "ignored 14 bytes"),
+        (solid() + b"\0\0", "2 bytes after the last triangle of the file were ignored"),
+        (
+            solid(b"made by hand") + b"colours: none\n",
+            "14 bytes after the last triangle of the file were ignored",
+        ),
         (ASCII_STL.encode(), ""),
         (b"  \n\t" + ASCII_STL.encode(), ""),
         (ASCII_STL.encode("utf-8-sig"), ""),

@@ -118,4 +118,4 @@ def test_sides_shared_by_more_than_two_faces_do_not_spread_winding():
     all_faces = np.concatenate([faces, other[:, ::-1]])
     mesh, notes = repair_winding(Mesh(np.concatenate([vertices, corner]), all_faces))
     assert oriented(mesh.faces) == oriented(np.concatenate([faces, other]))
-    assert "1 of its 2 parts" in notes[0]
+    assert "1 of the 2 parts" in notes[0]

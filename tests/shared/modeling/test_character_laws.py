@@ -286,7 +286,7 @@ def test_a_handle_that_is_dragged_is_there_at_that_time(rig, seed, time):
     ):
         with pytest.raises(InputError, match=words):
             drag_handle(project, name, wrong, place, time)
-    with pytest.raises(InputError, match="not a position"):
+    with pytest.raises(InputError, match="not a valid position"):
         drag_handle(project, name, 0, [0, np.nan, 0], time)
 
 
@@ -346,11 +346,11 @@ def test_impossible_edit_is_reported(rig):
         (lambda: change_layers(project, name, [99], muted=True), "no layer 99"),
         (lambda: change_layers(project, name, [0], speed=0.0), "is not valid"),
         (lambda: rename_character(two, copy, name), "already has the name"),
-        (lambda: rename_character(project, name, ""), "needs a name"),
+        (lambda: rename_character(project, name, ""), "the new name is empty"),
         (lambda: merge_characters(project, name, name, 0.0), "itself"),
         (
             lambda: cut_character(project, name, PlaneCut([99.0, 0, 0], [1.0, 0, 0]), 0.0),
-            "no part|no bone|nothing",
+            "does not cross the mesh|no bone|nothing",
         ),
     ]
     for edit, words in refused:

@@ -137,5 +137,5 @@ def test_missing_feet_or_unknown_mode_are_reported() -> None:
     with pytest.raises(InputError, match="sometimes"):
         lock_feet(project, "table", [0], "sometimes")
     top = project.graph("table").with_changes(ends=np.full((5, 3), 9.0))
-    with pytest.raises(InputError, match="no foot"):
+    with pytest.raises(InputError, match="none of the chosen parts has a foot"):
         lock_feet(project.with_characters(top), "table", [0], "always")

@@ -265,5 +265,5 @@ def test_character_without_keys_is_refused():
     with pytest.raises(InputError, match="cannot have keys"):
         key_handle(*WORLDS["points"], 1, (0, 0, 0), 0.5)
     for wrong in ((lambda: key_characters(project, [name], 0.5, (0, np.nan, 0))),):
-        with pytest.raises(InputError, match="cannot be moved"):
+        with pytest.raises(InputError, match="the displacement"):
             wrong()

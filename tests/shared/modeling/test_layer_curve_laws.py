@@ -182,7 +182,7 @@ def test_keys_are_moved_eased_and_refused():
         (lambda: set_layer_key(project, name, [0], "speeds", 0.5, 0.0), "speed to values"),
         (lambda: set_layer_key(project, name, [0], "speeds", 0.5, -1.0), "speed to values"),
         (lambda: set_layer_key(project, name, [0], "speeds", 0.5, 2 * MAX_SPEED), "speed to values"),
-        (lambda: set_layer_key(project, name, [0], "weights", 0.5, 1.5), "the weight 1.5"),
+        (lambda: set_layer_key(project, name, [0], "weights", 0.5, 1.5), "sets the layer's weight to 1.5"),
         (lambda: set_layer_key(project, name, [0], "weights", np.nan, 0.5), "is not valid"),
         (lambda: set_layer_key(project, name, [99], "weights", 0.5, 0.5), "no layer 99"),
         (lambda: move_layer_key(project, name, [0], "weights", 0, 1.5), "at the same time"),

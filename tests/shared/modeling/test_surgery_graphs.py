@@ -268,12 +268,15 @@ def test_impossible_edit_is_reported(walking):
     shape = project.graph("block")
     unplayed = shape.with_changes(parts=(GraphPart("nothing", shape.parts[0].nodes),))
     refused = [
-        (lambda: cut_graph(project, "block", PlaneCut([9, 0, 0], [1.0, 0, 0]), 0.0), "no part of the mesh"),
+        (
+            lambda: cut_graph(project, "block", PlaneCut([9, 0, 0], [1.0, 0, 0]), 0.0),
+            "does not cross the mesh",
+        ),
         (lambda: cut_graph(project, "chair", PlaneCut([0, 0, 0], [1.0, 0, 0]), 0.0), "no possessed mesh"),
         (lambda: merge_characters(project, "block", "block", 0.0), "itself"),
         (lambda: scale_character(project, "block", 0.0), "cannot be scaled"),
         (lambda: mirror_character(project, "block", [0, 0, 0]), "direction"),
-        (lambda: move_character(project, "block", [np.nan, 0, 0]), "moved"),
+        (lambda: move_character(project, "block", [np.nan, 0, 0]), "the displacement"),
         (lambda: graph_pose(project, project.graph("block"), np.inf), "time"),
         (lambda: graph_shape_from_poses(character, poses[:1], "one"), "too few"),
         (lambda: PoseStream("s", np.zeros((2, 3, 3)), np.zeros((2, 3)), 0.1), "no frames"),

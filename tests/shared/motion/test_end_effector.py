@@ -114,7 +114,7 @@ def test_two_arms_of_one_layer_are_led_apart_and_side_branches_ride():
 
 def test_unknown_mode_is_refused():
     project, clip, _ = scene(np.random.default_rng(0))
-    with pytest.raises(InputError, match="known: turns, end"):
+    with pytest.raises(InputError, match="known modes: turns, end"):
         bind_chain(project, "shape", (0,), clip.id, (0,), mode="fly")
 
 

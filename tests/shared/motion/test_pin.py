@@ -243,9 +243,9 @@ def test_pins_are_added_and_removed():
 @pytest.mark.parametrize(
     ("joints", "start", "said"),
     [
-        (["hip L"], None, "no limb of two bones"),
-        (["ankle L"], "knee L", "no limb of two bones"),
-        (["ankle L"], "hip R", "no limb of two bones"),
+        (["hip L"], None, "no limb with two bones"),
+        (["ankle L"], "knee L", "no limb with two bones"),
+        (["ankle L"], "hip R", "no limb with two bones"),
         (["tail"], None, "no joint 'tail'"),
         ([99], None, "joint 99 does not exist"),
     ],

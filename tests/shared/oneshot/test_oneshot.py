@@ -111,7 +111,7 @@ def test_impossible_edit_is_refused_with_a_fix(performed, tmp_path):
     far = standing()
     far = replace(far, joints=far.joints + 9.0)
     for refused, advice in (
-        (lambda: possess(load_sample("chair"), [standing()]), "two or more"),
+        (lambda: possess(load_sample("chair"), [standing()]), "Pass more bodies"),
         (lambda: possess(load_sample("chair"), [far, far]), "fit_height"),
         (lambda: mesh_at(project, "table", 0.0), chair),
         (lambda: cut(project, "table", PlaneCut(np.zeros(3), np.ones(3)), 0.0), chair),

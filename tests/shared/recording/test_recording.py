@@ -196,7 +196,7 @@ def test_existing_file_is_kept_by_default(tmp_path):
 
 
 def test_recorder_reports_errors(tmp_path):
-    with pytest.raises(InputError, match="folder does not exist"):
+    with pytest.raises(InputError, match="the folder of the file does not exist"):
         Recorder(tmp_path / "no" / "a.mcap")
     with pytest.raises((InputError, ResourceError), match=r"exists already|cannot be written"):
         Recorder(tmp_path)

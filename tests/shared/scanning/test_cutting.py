@@ -111,7 +111,7 @@ def test_box_cut_is_closed_only_below():
 
 
 def test_empty_box_error_names_surface_position():
-    with pytest.raises(InputError, match=r"no surface .* reaches from -1\.00,-?0\.00,-1\.00 to 1\.88"):
+    with pytest.raises(InputError, match=r"no surface .* extends from -1\.00,-?0\.00,-1\.00 to 1\.88"):
         cut_by_box(scene(), box((4.0, 0.0, 4.0), (5.0, 1.0, 5.0)))
     with pytest.raises(InputError, match="only the floor"):
         cut_by_box(scene(), box((-1.0, 0.0, -1.0), (1.0, 0.01, 1.0)))

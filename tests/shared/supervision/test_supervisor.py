@@ -220,7 +220,7 @@ def test_program_is_not_watched_if_its_socket_cannot_be_made(tmp_path, monkeypat
 def test_missing_program_is_tried_again_and_named(tmp_path) -> None:
     with supervised(tmp_path, Program("window", [str(tmp_path / "nowhere")])):
         wait_until(lambda: len(causes(tmp_path)) >= 3, "three tries")
-    assert causes(tmp_path)[0] == "cannot be started (No such file or directory)"
+    assert causes(tmp_path)[0] == "the program cannot be started (No such file or directory)"
 
 
 def test_full_disk_does_not_end_the_supervision(tmp_path, caplog) -> None:

@@ -450,9 +450,9 @@ def test_scan_flags_and_mode_mean_the_same(flags, mode) -> None:
 @pytest.mark.parametrize(
     ("fields", "problem"),
     [
-        ({"person": True, "moved": True}, "not moved and person"),
-        ({"turned": True, "within": 1.5}, "not near and turned"),
-        ({"mode": "moved", "person": True}, "not moved and person"),
+        ({"person": True, "moved": True}, "only one mode, but moved and person"),
+        ({"turned": True, "within": 1.5}, "only one mode, but near and turned"),
+        ({"mode": "moved", "person": True}, "only one mode, but moved and person"),
         ({"mode": "near"}, "set within"),
         ({"mode": "sideways"}, "sideways"),
     ],

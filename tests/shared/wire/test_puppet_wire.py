@@ -201,7 +201,7 @@ def replace_fields(message: CharacterMessage, **changes: object) -> CharacterMes
 
 
 def test_invalid_points_are_reported() -> None:
-    with pytest.raises(InputError, match="strengths"):
+    with pytest.raises(InputError, match="handle weights"):
         replace(character(), pulls=np.zeros(3, np.float32))
 
 

@@ -161,7 +161,9 @@ def test_film_without_h264_uses_another_codec_and_reports_it(name, tmp_path, mon
     monkeypatch.setattr("enliven.film.encoders.ENCODERS", only)
     with FilmWriter(tmp_path / "old.mp4", (64, 32), 30, 1) as writer:
         writer.add(np.full((32, 64, 3), 200, np.uint8))
-    assert f"no H.264 encoder was found, so {tmp_path / 'old.mp4'} is {only[0].format}" in caplog.text
+    assert (
+        f"no H.264 encoder was found, so {tmp_path / 'old.mp4'} is encoded as {only[0].format}" in caplog.text
+    )
     assert abs(decoded(tmp_path / "old.mp4")[0].mean() - 200) < 8
 
 

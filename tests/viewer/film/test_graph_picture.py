@@ -84,7 +84,7 @@ def test_rows_mark_weak_values(balls):
     [
         (["missing.obj", "-o", "out.png"], 3, "the file does not exist"),
         (["points.ply", "-o", "out.png"], 3, "no faces"),
-        (["chair", "-o", "out.xyz"], 3, "cannot be written to .xyz"),
+        (["chair", "-o", "out.xyz"], 3, "images with the extension .xyz cannot be written"),
         (["chair", "-o", "out.png", "--radius", "-1"], 3, "radius"),
         (["tri.obj", "-o", "out.png", "--height", "-2"], 3, "height"),
         (["chair", "-o", "out.png", "--up", "w"], 2, "up"),

@@ -101,7 +101,7 @@ def test_document_without_an_edge_names_the_address() -> None:
         assert not document.edge.connected and document.edge.address == "tcp://127.0.0.1:9"
         feed.ask(Possess("box"))
         feed.poll(document)
-        assert "unknown character" in document.edge.message
+        assert "no edge has the character 'box'" in document.edge.message
     finally:
         feed.close()
 

@@ -140,7 +140,7 @@ def test_undeformable_mesh_is_rigid_and_reported_once(caplog) -> None:
         assert surfaces.vertices(lost, moved) is None
     messages = [record.getMessage() for record in caplog.records]
     assert len(messages) == 1
-    assert "as one piece" in messages[0]
+    assert "is shown as a rigid mesh" in messages[0]
     assert "belongs to no face" in messages[0]
 
 

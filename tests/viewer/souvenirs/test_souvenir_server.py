@@ -212,7 +212,7 @@ def test_operators_see_the_server_on_the_health_page(profile):
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        (SouvenirSettings(), "makes no souvenirs"),
+        (SouvenirSettings(), "this kiosk does not make souvenirs"),
         (SouvenirSettings("photo"), r"phones cannot reach souvenir\.host = 127\.0\.0\.1"),
     ],
 )

@@ -27,6 +27,7 @@ from enliven.wire import CALLS, CallMessage
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.perform.recorder import Stillness
 from enliven_viewer.studio.features.perform.session import PerformSession
+from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 EDGE = Path(__file__).parents[2] / "system" / "staged_edge.py"
@@ -90,7 +91,8 @@ def session(tmp_path: Path):
     )
     assert edge.stdout is not None
     connected = PerformSession(Editor(), tmp_path)
-    connected.active_workspace, connected.count_in = "Perform", False
+    get_puppet_editor(connected.editor)  # This call registers the editor of puppets, as the workspace does.
+    connected.active_workspace, connected.recording.count_in = "Perform", False
     connected.connect(":".join(["127.0.0.1", *edge.stdout.readline().split()]))
     until(connected, lambda: connected.holders)
     yield connected

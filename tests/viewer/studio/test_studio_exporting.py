@@ -188,7 +188,10 @@ def test_failed_export_is_reported_in_german(workspace, tmp_path) -> None:
                 tmp_path / "out.csv",
                 ("kann nicht geschrieben werden (es ist ein Ordner)", "Wähle eine andere Ausgabedatei."),
             ),
-            (tmp_path / "none" / "out.csv", ("gibt es nicht", "Lege ihn an, oder prüfe den Namen.")),
+            (
+                tmp_path / "none" / "out.csv",
+                ("gibt es nicht", "Lege den Ordner an, oder prüfe seinen Namen."),
+            ),
             (
                 tmp_path / "out.bvh",
                 (

@@ -57,9 +57,9 @@ def test_a_new_folder_is_made_and_listed(tmp_path: Path) -> None:
     assert browser.folder == (tmp_path / "dances").resolve() and browser.new_folder_name is None
     assert browser.name == "work" and browser.get_path() == browser.folder / "work.enliven"
     for name, words in (
-        ("", "no folder"),
-        ("..", "no folder"),
-        ("a/b", "no folder"),
+        ("", "a folder cannot have this name"),
+        ("..", "a folder cannot have this name"),
+        ("a/b", "a folder cannot have this name"),
         ("x" * 300, "cannot be created"),
     ):
         browser.new_folder_name = name

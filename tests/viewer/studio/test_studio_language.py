@@ -79,12 +79,14 @@ class Tool:
         return "Click it."
     def _lacks_shape(self):
         return "" if self.shape else "No shape is chosen."
+    def describe_missing_undo(self):
+        return "" if self.undo_name else "Nothing is left to undo."
     def other(self):
         return "not shown"
 """
     assert {text.value for text in script.find_displayed_texts(ast.parse(module))} == {
         *("Only the picture", "A title", "Press me", "Yes", "Keep", "No", "Dark theme", "{0} of all"),
-        *("Click it.", "No shape is chosen."),
+        *("Click it.", "No shape is chosen.", "Nothing is left to undo."),
     }
 
 
@@ -99,7 +101,7 @@ def test_a_text_that_keeps_its_values_is_translated_where_it_is_drawn() -> None:
 def test_every_shown_text_is_translated(script) -> None:
     bypassing = [
         f"{path.relative_to(script.HOUSE)}:{node.lineno}: {node.value!r}"
-        for path in script.modules()
+        for path in script.list_modules()
         for node in find_untranslated(
             ast.parse(path.read_text("utf-8")),
             errors_are_shown=not {"kiosk", "souvenirs"} & set(path.parts),

@@ -31,9 +31,9 @@ def box_of(wide: float, tall: float, deep: float) -> list[list[float]]:
 @pytest.mark.parametrize(
     ("box", "height", "words"),
     [
-        ((25.2, 79.0, 154.7), 0.79, "read as centimetres"),
-        ((500.0, 1800.0, 300.0), 1.8, "read as millimetres"),
-        ((0.0005, 0.0017, 0.0004), 1.7, "read as kilometres"),
+        ((25.2, 79.0, 154.7), 0.79, "read in centimetres"),
+        ((500.0, 1800.0, 300.0), 1.8, "read in millimetres"),
+        ((0.0005, 0.0017, 0.0004), 1.7, "read in kilometres"),
         ((8.0, 15.2, 31.0), 1.7, "scaled to 1.7 m"),
         ((8.4, 1.34, 11.7), 0.4, "scaled to 0.4 m"),
         ((0.1, 0.154, 0.1), 1.7, "scaled to 1.7 m"),

@@ -281,7 +281,7 @@ def test_large_mesh_is_prepared_in_the_background(tmp_path, monkeypatch) -> None
     puppet = find_puppets(workspace).puppet.with_changes(mesh=mesh)
     workspace.editor.edit("finer", lambda p: p.with_characters(puppet))
     assert np.array_equal(find_puppets(workspace).stage_puppets[0].surface, mesh.vertices)
-    assert "takes a moment" in workspace.editor.toasts.shown[-1].text
+    assert "is a very fine mesh: you can drag it in a moment" in workspace.editor.toasts.shown[-1].text
     find_puppets(workspace).add_point(0)
     for _ in range(2000):
         if find_puppets(workspace).stage.surfaces.is_prepared(find_puppets(workspace).puppet):
@@ -356,7 +356,7 @@ def test_puppet_is_baked_in_the_background(tmp_path, make_limb) -> None:
     workspace.state(PuppetCommands).bake_puppet()
     find_puppets(workspace).add_point(20)
     workspace.editor.background.finish()
-    assert "post" in workspace.editor.project.puppets and "changed while" in bad(workspace)[-1]
+    assert "post" in workspace.editor.project.puppets and "changed during the baking" in bad(workspace)[-1]
 
 
 def test_puppet_without_motion_cannot_be_baked(tmp_path) -> None:

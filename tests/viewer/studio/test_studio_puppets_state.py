@@ -180,7 +180,7 @@ def test_a_point_where_one_is_chooses_it() -> None:
     puppets = posing("head", "left")
     assert not puppets.add_point(vertex("head")) and puppets.point == 0
     assert (
-        len(puppet_of(puppets).points) == 2 and "already has the name" in puppets.editor.toasts.shown[-1].text
+        len(puppet_of(puppets).points) == 2 and "head exists already" in puppets.editor.toasts.shown[-1].text
     )
 
 

@@ -59,7 +59,9 @@ def test_only_a_differing_size_is_reported_on_opening(stage: Workspace, tmp_path
         tall = float(np.ptp(chair.vertices[:, 1]))
         save_mesh(replace(chair, vertices=chair.vertices * size / tall), tmp_path / f"{name}.ply")
         stage.open(tmp_path / f"{name}.ply")
-        texts = [toast.text for toast in editor.toasts.shown if f"It is {size:g} m tall" in toast.text]
+        texts = [
+            toast.text for toast in editor.toasts.shown if f"The new shape is {size:g} m tall" in toast.text
+        ]
         assert bool(texts) == (name == "giant")
         editor.undo()
     editor.select_only(None)

@@ -14,6 +14,7 @@ from enliven.document import are_identical
 from enliven.modeling.edits import list_alternative_takes
 from enliven_viewer.studio.app.time_axis import END_MARGIN, LABEL_WIDTH, RULER_HEIGHT
 from enliven_viewer.studio.editor.takes import delete_take_row
+from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.features.timeline.layout import (
     EDGE_GRAB_DISTANCE,
     TAKES_BUTTON_WIDTH,
@@ -111,7 +112,7 @@ def test_a_dragged_end_sticks_to_the_playhead_and_without_a_span_the_ruler_scrub
     timeline.release(layout.x(1.0) + 3.0)
     assert (
         editor.marked_range == (0.2, pytest.approx(1.0))
-        and stage.perform.recording.span == editor.marked_range
+        and stage.state(PerformSession).recording.span == editor.marked_range
     )
     bare = replace(layout, marked=None)
     assert bare.handle_at(layout.x(1.6), 4.0).kind == "ruler"

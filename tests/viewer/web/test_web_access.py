@@ -12,7 +12,9 @@ from enliven_viewer.web.access import WebAccess, load_access, read_token
 
 
 def test_other_machines_need_tls_or_the_users_consent() -> None:
-    with pytest.raises(InputError, match=r"--host 0\.0\.0\.0: address is open to other machines.*--insecure"):
+    with pytest.raises(
+        InputError, match=r"--host 0\.0\.0\.0: this address is open to other machines.*--insecure"
+    ):
         load_access("0.0.0.0")
     assert load_access("0.0.0.0", insecure=True) == WebAccess("0.0.0.0")
     assert load_access("127.0.0.1").is_local and load_access("::1").is_local

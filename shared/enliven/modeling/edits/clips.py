@@ -265,9 +265,17 @@ def _with_clips(project: Project, character_id: str, numbers: Iterable[int], cha
     length = project.length_of(first)
     edited = first.with_lane(lambda lane: lane.with_clips(change(lane.clips(length)), length))
     names = ("offset", "speed", "segments", "weights", "speeds")
-    return change_layers(
+    project = change_layers(
         project, character_id, layer_numbers, **{name: getattr(edited, name) for name in names}
     )
+    # `ease` is in seconds of the lane, which depend on the lane's speed. Fades keep their duration in the
+    # project.
+    for number in layer_numbers:
+        layer = _find_layer(character, number)
+        if layer.ease > 0.0 and abs(layer.speed) != abs(edited.speed):
+            ease = layer.ease * abs(edited.speed / layer.speed)
+            project = change_layers(project, character_id, [number], ease=ease)
+    return project
 
 
 def _find_layer(character: RigBase, number: int) -> LayerBase:

@@ -149,9 +149,9 @@ def _fade_weight(at, rounds, row, now, end_of_lane):
     if looped > 0.0:
         if (rounds < 0.0 and speed > 0.0) or (rounds > 0.0 and speed < 0.0):
             return 0.0
-        if begin <= 1e-9 and rounds != 0.0:
+        if begin <= 1e-9 and (rounds != 0.0 or speed < 0.0):
             begin = -np.inf
-        if end >= end_of_lane - 1e-9:
+        if end >= end_of_lane - 1e-9 and (rounds != 0.0 or speed > 0.0):
             end = np.inf
     if not begin <= at <= end:
         return 0.0

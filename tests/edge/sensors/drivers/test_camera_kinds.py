@@ -56,7 +56,7 @@ def test_depths_out_of_reach_are_unknown_and_the_others_stay(values, reach, rehe
 
 
 def test_an_empty_reach_is_refused():
-    with pytest.raises(InputError, match=r"near is 3.0 m and far 2.0 m"):
+    with pytest.raises(InputError, match=r"near is 3.0 m and far is 2.0 m"):
         create_range_filter((3.0, 2.0), "arducam-tof", False)
 
 

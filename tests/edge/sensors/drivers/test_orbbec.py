@@ -34,7 +34,7 @@ def take(tmp_path) -> str:
 
 
 def test_orbbec_knows_its_ways_of_keeping_time():
-    with pytest.raises(InputError, match="Give free_run, standalone, primary"):
+    with pytest.raises(InputError, match="Use one of these modes: free_run, standalone, primary"):
         orbbec.OrbbecSensor(sync="boss")
     needs("orbbec")
     from pyorbbecsdk import OBMultiDeviceSyncMode
@@ -253,8 +253,8 @@ def test_a_rehearsal_is_all_of_one_sensor_over_its_losses_and_lenses(tmp_path):
         for number, (width, height) in enumerate(sizes):
             lens = camera(width, height, 80.25)
             frame = DepthFrame(picture(number, width, height), lens, number * 10**8, "left")
-            diary.frame(frame, None)
-            diary.frame(replace(frame, sensor="right", depth=frame.depth + np.uint16(7)), None)
+            diary.write_frame(frame, None)
+            diary.write_frame(replace(frame, sensor="right", depth=frame.depth + np.uint16(7)), None)
             if number == 1:
                 diary.write_error(SensorFault("it was unplugged"))
     with open_sensor("orbbec", rehearse=str(tmp_path / "two.mcap")) as sensor:

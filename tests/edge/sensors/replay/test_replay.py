@@ -117,11 +117,11 @@ def test_a_loss_comes_when_it_came_and_long_silences_can_be_cut(tmp_path, clock,
     monkeypatch.setattr(event_log, "time", clock)
     with Recorder(tmp_path / "a.mcap") as recorder:
         wrote = event_log.EventLog(recorder)
-        wrote.frame(bodies_at(7_000_000_000), None)
-        wrote.frame(bodies_at(7_100_000_000), None)
+        wrote.write_frame(bodies_at(7_000_000_000), None)
+        wrote.write_frame(bodies_at(7_100_000_000), None)
         clock.now += 1.3
         wrote.write_error(SensorFault("it is gone", where="kinect2"))
-        wrote.frame(bodies_at(11_100_000_000), None)
+        wrote.write_frame(bodies_at(11_100_000_000), None)
     began = clock.now
     with ReplaySensor(tmp_path / "a.mcap", longest_pause=longest) as sensor:
         times = []

@@ -175,7 +175,7 @@ def test_good_calibration_is_judged_good_with_its_error():
     assert judgement.verdict == "good" and judgement.is_usable and not judgement.advice
     facts = dict(judgement.facts)
     assert facts["baseline"] == "100.0 mm" or abs(float(facts["baseline"].split()[0]) - 100) < 0.5
-    assert int(re.search(r"within (\d+) mm", facts["depth at 2 m"])[1]) <= 20
+    assert int(re.search(r"expected error (\d+) mm", facts["depth at 2 m"])[1]) <= 20
     assert "left 70 degrees" in facts["lenses"]
 
 
@@ -214,7 +214,7 @@ def test_insufficient_calibration_gives_advice(of, sentence):
 
 def test_exchanged_cameras_are_reported():
     judgement = rate_solution(BOARD, solve(BOARD, sightings(create_lenses()[::-1]), (640, 400)))
-    assert not judgement.is_usable and "exchanged" in judgement.advice[0]
+    assert not judgement.is_usable and "are swapped" in judgement.advice[0]
 
 
 def test_the_command_writes_what_a_driver_can_use(pairs, tmp_path, capsys):
@@ -229,7 +229,9 @@ def test_the_command_writes_what_a_driver_can_use(pairs, tmp_path, capsys):
     )
     assert solved.left.fx == pytest.approx(studio.lens.focal[0], rel=0.02)
     assert solved.epipolar < 0.3 and "rows" in out and str(path) in out
-    assert tomllib.loads(path.read_text())["version"] == 1 and path.read_text().startswith("# Two cameras:")
+    assert tomllib.loads(path.read_text())["version"] == 1 and path.read_text().startswith(
+        "# Stereo calibration, from enliven calibrate-stereo, "
+    )
 
 
 def test_too_few_pairs_keep_the_old_file(pairs, tmp_path, capsys):
@@ -240,13 +242,13 @@ def test_too_few_pairs_keep_the_old_file(pairs, tmp_path, capsys):
             (few / file.name).write_bytes(file.read_bytes())
     path.write_text("old")
     assert cli.run(["calibrate-stereo", str(few), "-o", str(path)]) == 3
-    assert "Take 8 pairs" in capsys.readouterr().err and path.read_text() == "old"
+    assert "Capture at least 8 pairs" in capsys.readouterr().err and path.read_text() == "old"
 
 
 @pytest.mark.parametrize(
     ("words", "what"),
     [
-        ([], "no image pairs"),
+        ([], "the folder of the image pairs is missing"),
         (["missing"], "the folder does not exist"),
         (["."], "no image pairs"),
         (["--squares", "7by5", "."], "7by5"),

@@ -34,7 +34,7 @@ def test_calibration_file_round_trips(tmp_path_factory, baseline, crooked, bent)
         (r"version = 1", "version = 2", "version 2"),
         (r"baseline = .*", "baseline = 0.25", "baseline is 0.25 m"),
         (r"baseline = .*", "baseline = nan", "baseline"),
-        (r"translation = \[-", "translation = [", "exchanged"),
+        (r"translation = \[-", "translation = [", "swapped"),
         (r"translation = .*", "translation = [-0.02, -0.098, 0.0]", "side by side"),
         (r"right_from_left = \[\n  \[0\.\d+", "right_from_left = [\n  [1.1", "not a rotation"),
         (r"width = 640", "width = 300", "outside the image"),

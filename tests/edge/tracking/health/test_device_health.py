@@ -32,7 +32,7 @@ def kinds_after(
 @pytest.mark.parametrize(
     ("ill", "kind", "words"),
     [
-        (Condition("USB 2", slow_link=True), HealthKind.SLOW_LINK, "by USB 2 only"),
+        (Condition("USB 2", slow_link=True), HealthKind.SLOW_LINK, "only a USB 2 connection"),
         (Condition(calibrated=False), HealthKind.NOT_CALIBRATED, "does not report its lens"),
         (Condition(temperature=92.0, hot=95.0), HealthKind.HOT, "92 degrees, and stops at 95"),
         (Condition(gravity=(0.1, -9.7, 0.3)), HealthKind.UPSIDE_DOWN, "the other way up"),

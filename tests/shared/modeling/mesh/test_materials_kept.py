@@ -176,7 +176,7 @@ def test_equal_materials_become_one_and_bare_faces_have_none():
         ({"of": np.array([2], np.int32)}, "material outside"),
         ({"uvs": np.zeros((1, 3, 2), np.float32)}, "texture coordinates have the shape"),
         ({"tints": np.zeros((2, 3, 4), np.float32)}, "corner colours have the shape"),
-        ({"definitions": ('{"normalTexture": {"index": 1}}',)}, "refers to texture 1 of 0"),
+        ({"definitions": ('{"normalTexture": {"index": 1}}',)}, "refers to texture 1, but only 0 textures"),
         ({"definitions": ('{"normalTexture": {"index": true}}',)}, "does not contain a texture number"),
         ({"definitions": ("[1]",)}, "not a JSON object"),
         ({"definitions": ('{"emissiveFactor": [NaN]}',)}, "not a JSON object"),

@@ -253,7 +253,11 @@ def test_constraints_that_contradict_are_all_named_and_nothing_changes():
             positions=(Position("top", 5, (0, 1, 0), "y"), Position("left hand", 5, (0, 0.2, 0), "y")),
             couplings=(Coupling("top", "left hand", 5),),
         )
-    for name in ("position of 'top' at frame 5", "position of 'left hand' at frame 5", "coupling of 'top'"):
+    for name in (
+        "position of the control point 'top' at frame 5",
+        "position of the control point 'left hand' at frame 5",
+        "coupling of the control points 'top'",
+    ):
         assert name in str(refused.value)
     assert solve_layer_motion(project, project.puppets["stool"], 0) is kept
 
@@ -311,7 +315,10 @@ FIVE = np.zeros((5, 3))
             lambda p: add_key_pose(p, "stool", "run", 0.0, FIVE),
             "the project has no take 'run'. Known takes: walk.",
         ),
-        (lambda p: add_key_pose(p, "stool", "walk", 9.0, FIVE), "9 s is outside of the take. It has 0..3 s"),
+        (
+            lambda p: add_key_pose(p, "stool", "walk", 9.0, FIVE),
+            "9 s is outside the take. Choose a time from 0 to 3 s",
+        ),
         (lambda p: add_key_pose(p, "stool", "walk", np.nan, FIVE), "nan s is outside"),
         (
             lambda p: add_key_pose(p, "stool", "walk", 2.0, np.zeros((4, 3))),

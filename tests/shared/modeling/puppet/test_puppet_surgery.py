@@ -138,7 +138,7 @@ def test_edits_are_values(bean):
     plane = PlaneCut(seen(bean, "bean", 0.7).mean(0), [0, 1.0, 0.0])
     after, _ = cut_puppet(bean, "bean", plane, 0.7)
     assert project_bytes(bean) == data and are_identical(parse_project(project_bytes(after)), after)
-    with pytest.raises(InputError, match="no part of the mesh"):
+    with pytest.raises(InputError, match="does not cross the mesh"):
         cut_puppet(bean, "bean", PlaneCut([0, 99.0, 0], [0, 1.0, 0.0]), 0.7)
     with pytest.raises(InputError, match="time nan is not a finite number"):
         cut_puppet(bean, "bean", plane, float("nan"))

@@ -91,5 +91,5 @@ def test_a_limb_without_motion_or_of_another_group_is_refused():
     project = animated(skeleton, 1)
     with pytest.raises(InputError, match="no take moves"):
         spread_motion(project, "star", group, 5)
-    with pytest.raises(InputError, match=r"none of these limbs.*begin at"):
+    with pytest.raises(InputError, match=r"belongs to no limb of the group.*begin at"):
         spread_motion(project, "star", group, 0)

@@ -265,5 +265,5 @@ def test_ambiguous_stroke_is_refused(fork):
         cut_shape_along_stroke(fork, "arm", twice, None)
     across = PlaneCut((joints[0] + joints[1]) / 2, along)
     bent = set_bone(fork, "arm", 2, about_z(180), 0.0)
-    with pytest.raises(InputError, match="below it"):
+    with pytest.raises(InputError, match="and, below, at bone"):
         cut_shape_along_stroke(bent, "arm", across, 0.0)

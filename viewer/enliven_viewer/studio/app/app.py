@@ -19,7 +19,7 @@ from enliven_viewer.studio.app.contributions import (
     LiveStageView,
     Panel,
     PanelPlace,
-    Recording,
+    TimelineRecording,
     ViewLayer,
     ViewOverlay,
 )
@@ -105,7 +105,7 @@ class App:
         self.begin_key_pose: Callable[[str, float], object] = lambda take, time: None
         self.show_take: Callable[[str], object] = lambda name: None
         self.wants_start_page: Callable[[], bool | None] = lambda: None
-        self.live, self.recording, self.frame = LiveStageView(), Recording(), Frame()
+        self.live, self.recording, self.frame = LiveStageView(), TimelineRecording(), Frame()
         self.side_split = SideSplit()
         self.panels: list[Panel] = []
         self.tool_options: dict[str, Callable[[], object]] = {}

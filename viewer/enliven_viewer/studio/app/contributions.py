@@ -127,7 +127,7 @@ class LiveStageView:
     put: Callable[[str], object] = lambda name: None
 
 
-class Recording:
+class TimelineRecording:
     """A recording onto the timeline, which counts as unsaved work while it runs. This base class never runs.
 
     Attributes:

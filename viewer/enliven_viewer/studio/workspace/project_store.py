@@ -25,7 +25,7 @@ from enliven.formats.project.file import (
 )
 from enliven.modeling.possessed.solving import solve_lost
 from enliven_viewer.language import tr
-from enliven_viewer.studio.app.contributions import Recording
+from enliven_viewer.studio.app.contributions import TimelineRecording
 from enliven_viewer.studio.editor.editor import Editor
 
 PROJECT_SUFFIX = ".enliven"
@@ -60,7 +60,7 @@ class ProjectStore:
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
         self.editor = editor
-        self.recording = Recording()
+        self.recording = TimelineRecording()
         self.path: Path | None = None
         self.folder = folder or user_data_folder()
         self._saved: Project = editor.history.project

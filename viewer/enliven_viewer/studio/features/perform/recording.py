@@ -11,7 +11,7 @@ from enliven.overdub.performance import PerformedMotion
 from enliven.overdub.performance_takes import add_performance
 from enliven_viewer.language import later, tr
 from enliven_viewer.live.live_stage import LiveStage
-from enliven_viewer.studio.app.contributions import Phase, Recording
+from enliven_viewer.studio.app.contributions import Phase, TimelineRecording
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.perform.recorder import LiveRecorder
 from enliven_viewer.studio.features.perform.secondary_edges import SecondaryEdge
@@ -30,7 +30,7 @@ _MUTE_PREFIX = "silence "
 """Prefix of the name in the undo history of the edit that mutes takes before recording an alternative."""
 
 
-class StageRecording(Recording):
+class StageRecording(TimelineRecording):
     """Records a stage until the artist stops it, and stores the recording as one edit of the project.
 
     Args:
