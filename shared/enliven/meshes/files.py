@@ -11,7 +11,7 @@ from enliven.meshes.gltf.gltf_json import GLTF_SUFFIXES
 from enliven.meshes.mesh import Axis, Mesh, guess_up, rotate_upright, weld
 from enliven.meshes.obj import read_obj
 from enliven.meshes.ply import read_ply
-from enliven.meshes.repair import repair
+from enliven.meshes.repair import SAME_POSITION, repair
 from enliven.meshes.scan_surface import parse_pcd, surface_through_points
 from enliven.meshes.stl import read_stl
 from enliven.meshes.text import read_medit, read_off
@@ -59,7 +59,7 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     if suffix == ".stl":
         # STL never shares vertices between faces, so duplicate positions are not shading seams. Weld them.
         welded, _ = weld(mesh)
-        notes = [note for note in notes if "have the same position as another vertex" not in note]
+        notes = [note for note in notes if SAME_POSITION not in note]
         notes.append(
             f"{len(mesh.vertices)} triangle corners of the STL file were welded to "
             f"{len(welded.vertices)} vertices"

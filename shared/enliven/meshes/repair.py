@@ -12,6 +12,9 @@ from enliven.meshes.kernels import shells
 from enliven.meshes.mesh import Mesh, extract_submesh, weld
 from enliven.meshes.winding import repair_winding
 
+SAME_POSITION = "vertices have the same position as another vertex"
+"""Part of the note about duplicate positions. The STL reader leaves this note out."""
+
 
 def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
     """Removes defects of a mesh that would prevent its deformation. Returns the repaired mesh, and one
@@ -94,8 +97,7 @@ def _describe_oddities(mesh: Mesh, notes: list[str]) -> None:
     duplicate_count = len(mesh.vertices) - len(welded.vertices)
     if duplicate_count:
         notes.append(
-            f"{duplicate_count} vertices have the same position as another vertex: they are kept "
-            "for shading, and joined for deformation"
+            f"{duplicate_count} {SAME_POSITION}: they are kept for shading, and joined for deformation"
         )
     shell_count = int(shells(welded.faces, len(welded.vertices)).max()) + 1
     if shell_count > 1:

@@ -34,6 +34,8 @@ from enliven.meshes.gltf.parts import GltfPart, find_moving_nodes
 from enliven.meshes.gltf.surface import GltfSurface, gltf_surface
 from enliven.rotation import remove_sign_jumps
 
+NO_RIG_NOTE = "the model has no rig, so one bone from its bottom to its top was added"
+"""Note about a file that contains only a surface."""
 _MIN_NOTED_MOTION_FRACTION = 1e-3
 """Minimum size of omitted motion that is reported in a note, as a fraction of the model's size. Smaller
 motion is not visible."""
@@ -117,7 +119,7 @@ def _make_unrigged_model(mesh: Mesh, notes: list[str]) -> Rig:
     indices = np.tile(np.array([1, 0, 0, 0], np.uint16), (len(mesh.vertices), 1))
     weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))
     shape = still_shape(mesh.name, skeleton, mesh, SkinWeights(indices, weights))
-    return Rig(shape, (), (*notes, "the model has no rig, so one bone from its bottom to its top was added"))
+    return Rig(shape, (), (*notes, NO_RIG_NOTE))
 
 
 def _make_rigged_model(surface: GltfSurface) -> Rig:

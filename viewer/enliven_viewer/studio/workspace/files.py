@@ -12,7 +12,7 @@ from enliven.errors import InputError
 from enliven.example_sessions.session import Session, read_session
 from enliven.example_sessions.text import write_session
 from enliven.exporters import suffixes
-from enliven.formats.gltf.read import read_gltf
+from enliven.formats.gltf.read import NO_RIG_NOTE, read_gltf
 from enliven.formats.project.file import read_project
 from enliven.formats.project.one_character import project_of_mesh
 from enliven.formats.rig.rig import Rig, scale_to_height
@@ -123,7 +123,7 @@ def save_session(project: Project, puppet_id: str, path: Path) -> None:
 def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
     if rig.shape.mesh is not None and len(rig.shape.skeleton) == 2 and not rig.clips:
         # Drop the note about the placeholder bone, because a puppet has no bones.
-        _add_puppet(editor, path, rig.shape.mesh, tuple(n for n in rig.notes if "has no rig" not in n))
+        _add_puppet(editor, path, rig.shape.mesh, tuple(note for note in rig.notes if note != NO_RIG_NOTE))
         return
     size = choose_size(rig.shape.skeleton.positions if rig.shape.mesh is None else rig.shape.mesh.vertices)
     if size.note:
