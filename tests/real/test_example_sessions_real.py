@@ -72,7 +72,7 @@ def in_place(mesh, take):
     for file in (travel.MESHES[mesh].file, {**travel.STAYS, **travel.GOES}[take]):
         if not (DATA / file).exists():
             pytest.skip(f"no {file}")
-    return travel.travelled(mesh, take)
+    return travel.compute_travel(mesh, take)
 
 
 @pytest.mark.parametrize("mesh", ["fish", "manta", "cow", "armadillo", "trex"])

@@ -148,7 +148,7 @@ def test_standing_person_is_not_enough_to_place_a_sensor():
         calibration = placed(seen(study), overlap)
         assert not calibration.is_good
         assert calibration.pairs[0].quality.verdict is Verdict.WALK_ON
-        assert "walk on" in calibration.advice[0]
+        assert "keep walking" in calibration.advice[0]
 
 
 def test_one_person_before_two_kinects_is_one():

@@ -53,7 +53,7 @@ def test_live_travel_is_that_of_the_take(mesh: str, take: str) -> None:
     if not (DATA / travel.MESHES[mesh].file).is_file():
         pytest.skip(f"no {mesh}")
     # The first frames are a calibration pose, after which the performer turns within one frame.
-    clip = travel.clip_named(take).map_values(itemgetter(slice(8, None)))
+    clip = travel.load_clip_by_name(take).map_values(itemgetter(slice(8, None)))
     project = travel.posed(travel.mesh_named(mesh), clip)
     puppet = project.puppet("it")
     motion = solve_layer_motion(project, puppet, 0)

@@ -17,7 +17,7 @@ def test_an_artist_poses_a_puppet_in_the_window(tmp_path) -> None:
     assert report["points"] == 4 and report["pose"][0] == 0, report
     across, up, towards = report["pose"][1]
     assert up > 0.03 and across == towards == 0.0, "the green arrow moves along y alone"
-    assert "point 1 goes through" in report["warning"] and report["red"] > 600, report
+    assert "point 1 passes through" in report["warning"] and report["red"] > 600, report
     assert report["changed"] > 500 and not report["left"] and report["playing"], report
     first, *others = report["steady"]
     assert len(others) == 6 and all(first) and all(other == first for other in others), report["steady"]

@@ -9,8 +9,10 @@ from enliven_viewer.studio.actions.action import Action
 
 _WORD_START_SCORE = 8.0
 """Score of a letter at the start of a word, since people type initials."""
-_CONSECUTIVE_SCORE = 6.0
-"""Score of a letter that directly follows the previous match, since people type parts of words."""
+_CONSECUTIVE_SCORE = 7.5
+"""Score of a letter that directly follows the previous match, since people type parts of words. It is nearly
+the score of a word's start, so that "pup" finds a puppet before "parts: upper".
+"""
 _UNTYPED_PENALTY = 0.1
 """Penalty for each untyped letter of the name, so that shorter names come first."""
 _OTHER_TEXT_PENALTY = 50.0
