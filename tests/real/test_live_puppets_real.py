@@ -54,7 +54,7 @@ def test_live_travel_is_that_of_the_take(mesh: str, take: str) -> None:
         pytest.skip(f"no {mesh}")
     # The first frames are a calibration pose, after which the performer turns within one frame.
     clip = travel.load_clip_by_name(take).map_values(itemgetter(slice(8, None)))
-    project = travel.posed(travel.mesh_named(mesh), clip)
+    project = travel.posed(travel.load_mesh_by_name(mesh), clip)
     puppet = project.puppet("it")
     motion = solve_layer_motion(project, puppet, 0)
     extent = float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
