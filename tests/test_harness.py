@@ -1,5 +1,6 @@
 """Tests of how the tests are run: the same examples every day, other orders, and useful tolerances."""
 
+import importlib
 import itertools
 import subprocess
 import sys
@@ -43,6 +44,19 @@ def test_laws_see_the_same_examples_unless_asked_to_search():
     steady = hypothesis.settings.get_current_profile_name() == "steady"
     first, second = seen_in_a_run(), seen_in_a_run()
     assert len(first) > 50 and (first == second) == steady
+
+
+def test_loaded_modules_do_not_change_the_examples(tmp_path, monkeypatch):
+    if hypothesis.settings.get_current_profile_name() != "steady":
+        pytest.skip("a random search may draw from the constants of the project")
+    before = seen_in_a_run()
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "module_with_constants.py").write_text(f"NUMBERS = {list(range(10_000, 10_500))}\n")
+    importlib.import_module("module_with_constants")
+    try:
+        assert seen_in_a_run() == before
+    finally:
+        del sys.modules["module_with_constants"]
 
 
 @pytest.mark.slow
