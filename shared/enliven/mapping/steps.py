@@ -93,6 +93,9 @@ mm on an adult."""
 _MAX_PELVIS_TURN = np.radians(8.0)
 """Largest rotation (radians) of the bones from the pelvis to the hips, relative to the performer's. Such a
 rotation is invisible even if the hips are wide."""
+_MIN_BULGE = 0.05
+"""A knee that is nearer to the line from hip to foot than this fraction of its length turns less about this
+line. The knee of a straight leg would twist its skin and rise little."""
 _MAX_LIFT_PASSES = 3
 """Maximum number of passes that lift a foreleg. Several are needed, since its lowest point changes as it
 bends."""
@@ -522,13 +525,46 @@ def _lift_forelegs(
     lowest = np.min([sole.compute_lowest_height(turns, joints) for sole in supports], axis=0)
     floor = _floor_under_feet(shape, clip, performer, times, joints, lowest)
     for step in forelegs:
+        shank = Sole(shape, step.leg[1:-1])
         foreleg = Sole(shape, shape.skeleton.list_subtree(step.leg[0])[1:])
         for _ in range(_MAX_LIFT_PASSES):
+            lift = np.maximum(floor - shank.compute_lowest_height(turns, joints), 0.0)
+            if lift.any():
+                _lift_knee(shape.skeleton, step.leg, lift, turns, joints)
             lift = np.maximum(floor - foreleg.compute_lowest_height(turns, joints), 0.0)
             if not lift.any():
                 break
             targets = joints[:, step.leg[-1]] + lift[:, None] * [0.0, 1.0, 0.0]
             _bend_limb(shape.skeleton, step.leg, (lift > 0.0).astype(float), targets, turns, joints)
+
+
+def _lift_knee(skeleton: Skeleton, chain: Sequence[int], lift: Float, turns: Float, joints: Float) -> None:
+    """Lifts the knee of a leg as far as is possible while its foot stays where it is.
+
+    The leg rotates about the line from its hip to its foot, by the smallest angle that suffices. Changes
+    ``turns`` (T, N, 4) and ``joints`` (T, N, 3) in place.
+
+    Args:
+        chain: the joints from the hip to the foot.
+        lift: (T,) metres, not negative.
+    """
+    bend = chain[find_bend(skeleton, chain)[0]]
+    hip, knee, foot = (joints[:, j] for j in (chain[0], bend, chain[-1]))
+    axis, length = unit(foot - hip), np.linalg.norm(foot - hip, axis=1)
+    along = np.sum((knee - hip) * axis, axis=1)[:, None] * axis
+    radial = knee - hip - along
+    # Rotated by an angle, the knee is at the height: centre + radius cos(angle - highest).
+    tangent = np.cross(axis, radial)
+    radius, highest = np.hypot(radial[:, 1], tangent[:, 1]), np.arctan2(tangent[:, 1], radial[:, 1])
+    cosine = np.clip((radial[:, 1] + lift) / np.maximum(radius, 1e-12), -1.0, 1.0)
+    angle = np.sign(highest) * np.maximum(np.abs(highest) - np.arccos(cosine), 0.0)
+    angle *= np.minimum(radius / np.maximum(_MIN_BULGE * length, 1e-12), 1.0)
+    rotation = from_rotation_vector(np.where(lift > 0.0, angle, 0.0)[:, None] * axis)
+    below_foot = skeleton.list_subtree(chain[-1])[1:]
+    for j in skeleton.list_subtree(chain[0])[1:]:
+        if j not in below_foot:
+            turns[:, j] = multiply(rotation, turns[:, j])
+            joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
 
 
 def _floor_under_feet(
