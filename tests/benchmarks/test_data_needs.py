@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from datetime import date
+from datetime import datetime
 from pathlib import Path
 
 import pytest
@@ -41,6 +41,6 @@ def test_needs_stand_below_the_table(tmp_path, monkeypatch):
     needs = data_needs.find_missing_needs(["fusion"])
     figures = [Figure("road.ms", 8.0, "ms")]
     page = "# Figures\n\n<!-- figures -->\n\nprevious table\n\n<!-- end -->\n"
-    text = figures_page.make_page(page, figures, "a machine", date(2026, 11, 29), needs)
+    text = figures_page.make_page(page, figures, "a machine", datetime(2026, 11, 29), needs)
     assert text.index("| `road.ms` |") < text.index("This machine lacked data:")
     assert "MIT" in text and "previous table" not in text

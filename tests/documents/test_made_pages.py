@@ -1,7 +1,7 @@
 """Tests that generated pages are up to date."""
 
 import sys
-from datetime import date
+from datetime import datetime
 
 from blocks import ROOT
 
@@ -32,34 +32,31 @@ def test_every_setting_of_a_page_has_a_sentence():
             assert line.rstrip(" |").endswith((".", ")", "?")), line
 
 
-def test_figures_page_needs_all_parts_from_one_machine_and_day(tmp_path):
-    day_file, page, parts = tmp_path / "out" / "day.json", tmp_path / "figures.md", ["arap", "road"]
+def test_figures_page_needs_all_parts_from_one_machine_within_a_day(tmp_path):
+    kept, page, parts = tmp_path / "out" / "recent.json", tmp_path / "figures.md", ["arap", "road"]
     page.write_text("before <!-- figures --> old <!-- end --> after", encoding="utf-8")
-    day, machine = date(2026, 11, 21), "two cores"
+    evening, morning, machine = datetime(2026, 11, 21, 23), datetime(2026, 11, 22, 8), "two cores"
     late, frame = Figure("road.late", 7.0, "ms"), Figure("arap.frame", 3.6, "ms", "libigl", 7.5)
-    of_day = figures_page.gather_figures("road", [late], machine, day, day_file)
-    assert figures_page.write_when_whole(of_day, parts, page) == ["arap"] and " old " in page.read_text()
-    of_day = figures_page.gather_figures("arap", [frame], machine, day, day_file)
-    assert of_day == {"road": [late], "arap": [frame]}
-    assert figures_page.write_when_whole(of_day, parts, page) == []
-    assert "| `road.late` | 7 ms |" in page.read_text() and " old " not in page.read_text()
-    for other in (("road", [late], "four cores", day), ("road", [late], machine, date(2026, 11, 22))):
-        assert figures_page.gather_figures(*other, day_file) == {"road": [late]}, (
-            "figures of two machines or days"
-        )
+    recent = figures_page.gather_figures("road", [late], machine, evening, kept)
+    assert figures_page.write_when_whole(recent, parts, evening, page) == ["arap"]
+    assert " old " in page.read_text()
+    recent = figures_page.gather_figures("arap", [frame], machine, morning, kept)
+    assert recent == {"road": [late], "arap": [frame]}
+    assert figures_page.write_when_whole(recent, parts, morning, page) == []
+    assert "| `road.late` | 7 | ms |" in page.read_text() and " old " not in page.read_text()
+    night = datetime(2026, 11, 22, 23, 30)
+    assert figures_page.gather_figures("arap", [frame], machine, night, kept) == {"arap": [frame]}, "too old"
+    assert figures_page.gather_figures("road", [late], "four cores", night, kept) == {"road": [late]}
 
 
 def test_a_whole_run_of_benchmarks_writes_the_table_of_figures():
-    page = figures_page.PAGE.read_text(encoding="utf-8")
+    page, evening = figures_page.PAGE.read_text(encoding="utf-8"), datetime(2026, 11, 21, 23)
     figures = [Figure("road.late", 7.125, "ms"), Figure("arap.frame", 3.6, "ms", "libigl", 7.5)]
-    once = figures_page.make_page(page, figures, "two cores", date(2026, 11, 21))
-    assert "Measured on 2026-11-21 on two cores." in once
+    once = figures_page.make_page(page, figures, "two cores", evening)
+    assert "Measured within 24 hours, until 2026-11-21, on two cores." in once
     rows = [line for line in once.splitlines() if line.startswith(("| `road.late", "| `arap.frame"))]
-    assert rows == [
-        "| `arap.frame` | 3.6 ms | 7.5 times better than libigl |",
-        "| `road.late` | 7.125 ms |  |",
-    ]
-    assert figures_page.make_page(once, figures, "two cores", date(2026, 11, 21)) == once
+    assert rows == ["| `arap.frame` | 3.6 | ms | 7.5 | libigl |", "| `road.late` | 7.125 | ms | | |"]
+    assert figures_page.make_page(once, figures, "two cores", evening) == once
     before, _, after = page.partition("<!-- figures -->")
     assert once.startswith(before) and once.endswith(after.partition("<!-- end -->")[2])
     assert "cores of" in figures_page.this_machine()
