@@ -4,19 +4,21 @@
         for result in run_jobs(jobs, client):
             ...
 
-If a worker crashes, no result is lost: Dask assigns its jobs to other workers, and a job's files are written
-completely or not at all. The same code runs on one computer or on several computers with the same paths of
-files.
+If a worker crashes, no result is lost: other workers repeat its jobs. They also repeat a finished job if the
+crashed worker had not delivered its result. A job's files are written completely or not at all. The same
+code runs on one computer or on several computers with the same paths of files.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 import logging
 import os
 import signal
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from enliven.batch.jobs import BatchJob, JobResult, find_finished_result, run_job
@@ -30,6 +32,10 @@ log = logging.getLogger(__name__)
 
 _MAX_ATTEMPTS_PER_JOB = 3
 """Maximum number of attempts for a job if its worker fails for an unknown reason."""
+_MAX_SUBMISSIONS_PER_JOB = 3
+"""Maximum number of submissions of a job that the scheduler cancels, for example because it was restarted."""
+_UNFINISHED_STATES = ("lost", "pending")
+"""States of a finished future after its worker ended with the result. The scheduler repeats the job."""
 _MAX_WORKER_DEATHS = 10
 """Maximum number of workers that may crash during one job before the job counts as the cause. Workers may
 also end for other reasons, such as lack of memory or a computer that is switched off.
@@ -38,6 +44,19 @@ _JOBS_PER_WORKER = 50
 """Number of queued jobs per worker. More jobs would only use the scheduler's memory."""
 _CONNECT_TIMEOUT_S = 8.0
 """Maximum time to connect to a scheduler, in seconds."""
+
+
+@dataclass(frozen=True)
+class _Submission:
+    """A job that was submitted to the scheduler.
+
+    Attributes:
+        job: the job.
+        number: 1 for the first submission of the job.
+    """
+
+    job: BatchJob
+    number: int = 1
 
 
 @contextlib.contextmanager
@@ -104,6 +123,9 @@ def run_jobs(jobs: Sequence[BatchJob], client: Client) -> Iterator[JobResult]:
     ends.
 
     Closing the iterator cancels the jobs that have not begun.
+
+    Raises:
+        ResourceError: if the connection to the scheduler is lost.
     """
     waiting = []
     for job in jobs:
@@ -116,41 +138,85 @@ def run_jobs(jobs: Sequence[BatchJob], client: Client) -> Iterator[JobResult]:
 
 
 def _run_on(client: Client, jobs: Sequence[BatchJob]) -> Iterator[JobResult]:
-    """Yields the result of each job. The number of jobs that are queued at the scheduler is limited."""
+    """Yields the result of each job. The number of jobs that are queued at the scheduler is limited.
+
+    If a worker ends before its result has been read, the scheduler runs the job again. If the scheduler
+    cancels a job, for example because it was restarted, the job is submitted again.
+
+    Raises:
+        ResourceError: if the connection to the scheduler is lost.
+    """
     from distributed import as_completed
 
     queue = iter(jobs)
     limit = _JOBS_PER_WORKER * max(len(client.scheduler_info()["workers"]), 1)
-    jobs_by_key: dict[object, BatchJob] = {}
+    submissions: dict[object, _Submission] = {}
     completed = as_completed([], raise_errors=False)
 
-    def submit(number: int) -> None:
-        for _, job in zip(range(number), queue, strict=False):
-            future = client.submit(
-                run_job,
-                job,
-                key=f"enliven-{job.digest}-{job.output}",
-                retries=_MAX_ATTEMPTS_PER_JOB - 1,
-                pure=False,
-            )
-            jobs_by_key[future.key] = job
-            completed.add(future)
+    def submit(submission: _Submission) -> None:
+        future = _submit(client, submission)
+        submissions[future.key] = submission
+        completed.add(future)
 
     try:
-        submit(limit)
+        for job in itertools.islice(queue, limit):
+            submit(_Submission(job))
         for future in completed:
-            yield _result_from_future(future, jobs_by_key.pop(future.key))
-            submit(1)
+            if future.status in _UNFINISHED_STATES:
+                completed.add(future)
+                continue
+            submission = submissions.pop(future.key)
+            result = _read_result(future, client)
+            if result is None and future.cancelled() and submission.number < _MAX_SUBMISSIONS_PER_JOB:
+                submit(_Submission(submission.job, submission.number + 1))
+                continue
+            yield result or _describe_failure(future, submission.job)
+            for job in itertools.islice(queue, 1):
+                submit(_Submission(job))
     finally:
-        client.cancel(completed.futures)
+        if client.status == "running":
+            client.cancel(completed.futures)
 
 
-def _result_from_future(future: Any, job: BatchJob) -> JobResult:
-    """Returns the result of a finished future. An unexpected error only fails this job."""
+def _submit(client: Client, submission: _Submission) -> Any:
+    """Submits a job and returns its future.
+
+    Each submission has its own key. With the key of a cancelled job, the scheduler could cancel the new
+    submission too.
+
+    Raises:
+        ResourceError: if the connection to the scheduler is lost.
+    """
+    if client.status not in ("running", "connecting"):
+        raise ResourceError(
+            "the connection to the Dask scheduler was lost",
+            where="batch",
+            remedy="Start the scheduler and repeat the command. The finished results are kept.",
+        )
+    job = submission.job
+    return client.submit(
+        run_job,
+        job,
+        key=f"enliven-{job.digest}-{job.output}-{submission.number}",
+        retries=_MAX_ATTEMPTS_PER_JOB - 1,
+        pure=False,
+    )
+
+
+def _read_result(future: Any, client: Client) -> JobResult | None:
+    """Returns the result of a future, or None if the job failed unexpectedly or was cancelled.
+
+    If the worker ends during this call, the call waits until another worker has repeated the job.
+    """
+    if future.status not in ("finished", *_UNFINISHED_STATES):
+        return None
+    results: list[JobResult] = client.gather([future], errors="skip")
+    return results[0] if results else None
+
+
+def _describe_failure(future: Any, job: BatchJob) -> JobResult:
+    """Returns the result of a job that failed unexpectedly or was cancelled. Other jobs are not affected."""
     error = future.exception() if future.status == "error" else None
-    if error is None and future.status == "finished":
-        result: JobResult = future.result()
-        return result
     reason = find_plain_reason(error) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
     if type(error).__name__ == "KilledWorker":
         reason = f"{_MAX_WORKER_DEATHS} worker processes ended during this job. The computer may lack memory"

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import random
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from enliven.batch.jobs import find_finished_result
+from enliven.batch import scheduler
+from enliven.batch.jobs import BatchJob, JobResult, find_finished_result
 from enliven.batch.plan import BatchPlan, plan_jobs
 from enliven.batch.scheduler import open_client, run_jobs
 from enliven.cli import run
 from enliven.errors import EnlivenError
 from enliven.formats.gltf.read import read_gltf
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 pytest.importorskip("distributed", reason="Dask is not installed: pip install './shared[batch]'")
 
@@ -92,6 +100,114 @@ def test_workers_that_are_killed_lose_nothing(library: Path) -> None:
         assert len(measures) == 1
     leftovers = [path for path in (library / "out").rglob("*") if path.is_file() and ".part" in path.name]
     assert len(leftovers) <= len(killed), "only the file that a killed worker was writing may remain"
+
+
+@pytest.mark.slow
+def test_results_in_the_memory_of_killed_workers_are_computed_again(library: Path) -> None:
+    """Kills all workers after they have finished all jobs. At this time, only one result has been read."""
+    jobs = _plan_pairs(library)
+    with open_client(workers=2) as client:
+        results = run_jobs(jobs, client)
+        first_result = next(results)
+        _wait_for_states(client, {"finished"})
+        for process in client.run(os.getpid).values():
+            os.kill(process, signal.SIGKILL)
+        _wait_for_states(client, {"lost"})
+        _check_that_all_succeeded(jobs, [first_result, *results])
+
+
+@pytest.mark.slow
+def test_result_that_is_lost_while_it_is_read_is_computed_again(
+    library: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Kills both workers after the client has checked the state of the first future."""
+    jobs = _plan_pairs(library)
+    with open_client(workers=2) as client:
+        gather, kills = client.gather, iter([True])
+
+        def kill_and_gather(*arguments: Any, **options: Any) -> Any:
+            for process in client.run(os.getpid).values() if next(kills, False) else ():
+                os.kill(process, signal.SIGKILL)
+            return gather(*arguments, **options)
+
+        monkeypatch.setattr(client, "gather", kill_and_gather)
+        _check_that_all_succeeded(jobs, list(run_jobs(jobs, client)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("submissions", [1, 2])
+def test_cancelled_jobs_are_submitted_again_a_limited_number_of_times(
+    library: Path, submissions: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Restarts the scheduler after the first result. This cancels the other three jobs."""
+    monkeypatch.setattr(scheduler, "_MAX_SUBMISSIONS_PER_JOB", submissions)
+    jobs = _plan_pairs(library)
+    with open_client(workers=2) as client:
+        results = run_jobs(jobs, client)
+        first_result = next(results)
+        client.restart()
+        all_results = [first_result, *results]
+    if submissions == 1:
+        problems = [result.problem for result in all_results if result.problem]
+        assert len(problems) == 3
+        assert all(problem.startswith("the scheduler cancelled the job. ") for problem in problems)
+    else:
+        _check_that_all_succeeded(jobs, all_results)
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_ends_during_a_batch_is_reported(
+    library: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ends a scheduler without workers while jobs wait at it."""
+    monkeypatch.setattr(scheduler, "_CONNECT_TIMEOUT_S", 2.0)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1"]
+    process = subprocess.Popen([*command, "--port", str(port), "--no-dashboard"], stderr=subprocess.DEVNULL)
+    try:
+        with _connect_when_ready(f"tcp://127.0.0.1:{port}") as client:
+            threading.Timer(1.0, process.kill).start()
+            with pytest.raises(EnlivenError, match="the connection to the Dask scheduler was lost"):
+                list(run_jobs(_plan_pairs(library), client))
+    finally:
+        process.kill()
+        process.wait()
+
+
+@contextlib.contextmanager
+def _connect_when_ready(address: str) -> Iterator[Client]:
+    """Yields a client of a scheduler that is starting."""
+    deadline = time.monotonic() + _MAX_WAIT_S
+    with contextlib.ExitStack() as stack:
+        while True:
+            try:
+                client = stack.enter_context(open_client(scheduler=address))
+                break
+            except EnlivenError:
+                assert time.monotonic() < deadline
+        yield client
+
+
+def _plan_pairs(library: Path) -> list[BatchJob]:
+    """Returns the four jobs of the library."""
+    folders = (str(library / "motions"),), (str(library / "characters"),)
+    return plan_jobs(BatchPlan(*folders, str(library / "out")))
+
+
+def _wait_for_states(client: Client, states: set[str]) -> None:
+    """Waits until the futures of all jobs are in the given states."""
+    deadline = time.monotonic() + _MAX_WAIT_S
+    while {future.status for future in client.futures.values()} != states:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def _check_that_all_succeeded(jobs: Sequence[BatchJob], results: Sequence[JobResult]) -> None:
+    """Checks that each job has exactly one result, and that all results are complete."""
+    assert [result.problem for result in results if result.problem] == []
+    assert sorted(result.job.output for result in results) == sorted(job.output for job in jobs)
+    assert all(find_finished_result(job) for job in jobs)
 
 
 @pytest.mark.slow
