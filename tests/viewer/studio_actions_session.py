@@ -33,6 +33,9 @@ wanted: list[str] = []
 SELDOM = 12
 """Number of window frames per drawn 3D image while menus and keys are tested."""
 
+MOST_FRAMES = 600
+"""Maximum number of window frames until typed letters arrive."""
+
 
 def without_stage(workspace: Any) -> list[Action]:
     """Returns the actions that need no edge. perform_session.py does the others."""
@@ -113,26 +116,43 @@ def greyed(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     press(ctx, "escape")
 
 
+def wait_until(ctx: imgui.test_engine.TestContext, condition: Callable[[], bool]) -> bool:
+    """Draws frames until the condition holds. Returns False if it does not hold after many frames."""
+    for _ in range(MOST_FRAMES):
+        ctx.yield_(1)
+        if condition():
+            return True
+    return False
+
+
+def search_for(ctx: imgui.test_engine.TestContext, window: StudioWindow, text: str) -> None:
+    """Types a text into the palette and waits until the palette has all of it.
+
+    The field takes letters only after it has the focus, and in a slow window, this takes several frames.
+    """
+    wait_until(ctx, lambda: imgui.get_io().want_text_input)
+    ctx.key_chars(text)
+    if not wait_until(ctx, lambda: window.workspace.finding.typed == text):
+        report["complaints"].append(f"the palette has {window.workspace.finding.typed!r}, not {text!r}")
+
+
 def palette(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     """Finds an action by some letters, and does it by Enter."""
     workspace = window.workspace
     workspace.editor.show_bones = True
     press(ctx, "ctrl+k")
-    ctx.key_chars("pup")
-    ctx.yield_(2)
+    search_for(ctx, window, "pup")
     report["found"] = [action.id for action in workspace.finding.matches][:4]
     picture(ctx, "palette")
     ctx.key_press(imgui.Key.enter)
     report["palette does"] = workspace.input.tool.name
     press(ctx, "ctrl+k")
-    ctx.key_chars("examples")
-    ctx.yield_(2)
+    search_for(ctx, window, "examples")
     ctx.key_press(imgui.Key.enter)
     ctx.yield_(2)
     report["stays open"] = workspace.asking
     ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.a))
-    ctx.key_chars("bones")
-    ctx.yield_(2)
+    search_for(ctx, window, "bones")
     ctx.key_press(imgui.Key.enter)
     ctx.yield_(2)
     report["palette"] = [workspace.asking, workspace.editor.show_bones]
