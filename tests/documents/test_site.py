@@ -39,7 +39,7 @@ def test_pages_from_outside_exist():
         ("README.md", "index.md", "[tour](docs/tour.md#start)", "[tour](tour.md#start)"),
         ("README.md", "index.md", "![a](docs/enliven.png)", "![a](enliven.png)"),
         ("docs/tour.md", "tour.md", "[c](../CONTRIBUTING.md)", "[c](contributing.md)"),
-        ("docs/tour.md", "tour.md", "[code](../shared/enliven/files.py)", "code"),
+        ("docs/tour.md", "tour.md", "[code](../shared/enliven/files/writing.py)", "code"),
         ("docs/lab/tracking.md", "lab/tracking.md", "[t](../tracking.md)", "[t](../tracking.md)"),
         ("docs/lab/tracking.md", "lab/tracking.md", "[r](../../README.md)", "[r](../index.md)"),
         ("examples/README.md", EXAMPLES, "![c](pictures/canon.png)", "![c](examples/pictures/canon.png)"),

@@ -143,7 +143,7 @@ def test_nobody_can_plant_the_file_that_is_written_first(tmp_path, monkeypatch):
     other.write_bytes(b"precious")
     (tmp_path / ".a.enliven.part").symlink_to(other)
     names = iter(["guessed", "random"])
-    monkeypatch.setattr("enliven.files.secrets.token_hex", lambda _: next(names))
+    monkeypatch.setattr("enliven.files.writing.secrets.token_hex", lambda _: next(names))
     (tmp_path / ".a.enliven.guessed.part").symlink_to(other)
     write_file(path, b"project")
     assert path.read_bytes() == b"project" and not path.is_symlink() and other.read_bytes() == b"precious"

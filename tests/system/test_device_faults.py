@@ -115,6 +115,6 @@ def test_a_file_that_may_not_be_read_gives_advice(tmp_path, monkeypatch) -> None
         raise PermissionError(errno.EACCES, "Permission denied")
 
     (tmp_path / "mesh.obj").write_text("v 0 0 0")
-    monkeypatch.setattr("enliven.files.os.open", refuse)
+    monkeypatch.setattr("enliven.files.reading.os.open", refuse)
     with pytest.raises(InputError, match=r"mesh\.obj: .*Permission denied.*permissions"):
         read_file(tmp_path / "mesh.obj")

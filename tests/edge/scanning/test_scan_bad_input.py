@@ -13,7 +13,6 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from box_scans import NOTHING, PATH, recorded, run, take_of, with_depth, write
 
-from enliven import files
 from enliven.errors import InputError, ResourceError
 from enliven.meshes import load_mesh
 from enliven_edge.scanning.scan_log import ScanLog
@@ -162,7 +161,7 @@ def full_disk(monkeypatch, folder, of_all=False):
         if of_all or os.readlink(f"/proc/self/fd/{descriptor}").startswith(str(folder)):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(files.os, "fsync", no_room)
+    monkeypatch.setattr(os, "fsync", no_room)
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="it asks /proc which file is written")
