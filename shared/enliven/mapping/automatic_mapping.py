@@ -20,7 +20,9 @@ from enliven.mapping.assignment import (
     match_joints_of_poses,
     split_drive,
 )
-from enliven.mapping.gait import (
+from enliven.mapping.ground import keep_on_floor, stands_on_floor
+from enliven.mapping.joint_limits import limit_joints
+from enliven.mapping.legs.gait import (
     bones_that_only_step,
     choose_standing_on_feet,
     find_posed_stepping_legs,
@@ -29,12 +31,10 @@ from enliven.mapping.gait import (
     step_scale,
     step_sizes,
 )
-from enliven.mapping.ground import keep_on_floor, stands_on_floor
-from enliven.mapping.joint_limits import limit_joints
+from enliven.mapping.legs.steps import apply_steps
 from enliven.mapping.model_clips import is_own_take
 from enliven.mapping.plan import ChainPlan, Mode, Plan
 from enliven.mapping.resting import mean_turn
-from enliven.mapping.steps import apply_steps
 from enliven.motion.contact.pin import pin_feet
 from enliven.motion.layers.polyline import arc_lengths
 from enliven.motion.layers.retarget import set_travel

@@ -20,7 +20,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, Layer, Project, RiggedCharacter, joint_places
 from enliven.mapping.applying import apply_plan, source_anatomy
-from enliven.mapping.gait import find_posed_stepping_legs, legs_that_step
+from enliven.mapping.legs.gait import find_posed_stepping_legs, legs_that_step
 from enliven.mapping.plan import Plan
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import rotate, swing, unit

@@ -13,10 +13,10 @@ import numpy as np
 from enliven.arrays import Bool, Int32
 from enliven.document import Clip, Project, RiggedCharacter
 from enliven.mapping.applying import apply_plan
-from enliven.mapping.gait import legs_that_step
+from enliven.mapping.legs.gait import legs_that_step
+from enliven.mapping.legs.steps import apply_steps
 from enliven.mapping.plan import ChainPlan, Plan
 from enliven.mapping.quality import MAX_STRETCH, stretch_over_time
-from enliven.mapping.steps import apply_steps
 
 _TARGET_STRETCH = 0.97
 """Target stretch as a fraction of the bound. It is below 1, because stretch may be slightly larger between

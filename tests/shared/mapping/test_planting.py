@@ -13,7 +13,7 @@ from enliven.document.clip import Clip, joint_places
 from enliven.document.skeleton import Skeleton
 from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
 from enliven.mapping.ground import compute_posed_surfaces, floor_height_under
-from enliven.mapping.planting import (
+from enliven.mapping.legs.planting import (
     PosedLeg,
     contact_clearance,
     find_standing_spans,
@@ -21,8 +21,8 @@ from enliven.mapping.planting import (
     plant_body,
     remove_spin,
 )
+from enliven.mapping.legs.sole import Sole, compute_rolling_motion
 from enliven.mapping.quality import measure_quality
-from enliven.mapping.sole import Sole, compute_rolling_motion
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import conjugate, from_rotation_vector, multiply, rotate, to_rotation_vector
 
@@ -279,7 +279,7 @@ def test_a_long_take_is_planted_in_blocks_that_do_not_show(monkeypatch):
     shape = shod(short_shinned(1.3), 0.22)
     plan = replace(create_automatic_plan(clip, shape), travel=True, pin=True)
     at_once = retarget(shape, clip, plan)
-    monkeypatch.setattr("enliven.mapping.sole._FRAMES_PER_BLOCK", 7)
+    monkeypatch.setattr("enliven.mapping.legs.sole._FRAMES_PER_BLOCK", 7)
     parts = retarget(shape, clip, plan)
     times = np.linspace(0.0, clip.duration, 50)
     first, second = (Player(each.project, shape.id).sample(times)[1] for each in (at_once, parts))

@@ -10,8 +10,8 @@ from made_bodies import crawler, horse, man, random_motion, shape_with_markers, 
 
 from enliven.document.clip import Clip, joint_places
 from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
-from enliven.mapping.gait import find_stepping_legs, legs_that_step
 from enliven.mapping.ground import compute_posed_surfaces, floor_height_under
+from enliven.mapping.legs.gait import find_stepping_legs, legs_that_step
 from enliven.mapping.quality import measure_quality
 from enliven.mapping.softening import soften_plan
 from enliven.motion.layers.evaluate import Player

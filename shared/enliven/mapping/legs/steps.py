@@ -22,13 +22,20 @@ import scipy
 
 from enliven.arrays import Float
 from enliven.document import Clip, Project, RiggedCharacter, unused
-from enliven.mapping.forelegs import lift_forelegs
-from enliven.mapping.gait import STRIDE_S, LegStep, PerformerGait, find_stepping_legs, leg_length, step_scale
 from enliven.mapping.ground import follow_path, sample_times
-from enliven.mapping.leg_motion import bend_leg, list_rotation_chains
+from enliven.mapping.legs.forelegs import lift_forelegs
+from enliven.mapping.legs.gait import (
+    STRIDE_S,
+    LegStep,
+    PerformerGait,
+    find_stepping_legs,
+    leg_length,
+    step_scale,
+)
+from enliven.mapping.legs.leg_motion import bend_leg, list_rotation_chains
+from enliven.mapping.legs.planted_legs import find_pelvis_bones, plant_feet
+from enliven.mapping.legs.planting import Spans, find_standing_spans, hold_heading
 from enliven.mapping.plan import Plan
-from enliven.mapping.planted_legs import find_pelvis_bones, plant_feet
-from enliven.mapping.planting import Spans, find_standing_spans, hold_heading
 from enliven.mapping.resting import heading_from_rotation
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain, clear_chain

@@ -11,9 +11,9 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, RiggedCharacter, Skeleton
-from enliven.mapping.gait import LegStep, PerformerGait, choose_standing_on_feet
-from enliven.mapping.leg_motion import bend_limb, make_foot_sole
-from enliven.mapping.sole import Sole
+from enliven.mapping.legs.gait import LegStep, PerformerGait, choose_standing_on_feet
+from enliven.mapping.legs.leg_motion import bend_limb, make_foot_sole
+from enliven.mapping.legs.sole import Sole
 from enliven.motion.contact.pin import find_bend
 from enliven.rotation import from_rotation_vector, multiply, rotate, unit
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import RiggedCharacter, Skeleton
-from enliven.mapping.gait import LegStep, PerformerGait
+from enliven.mapping.legs.gait import LegStep, PerformerGait
+from enliven.mapping.legs.sole import Sole
 from enliven.mapping.resting import heading_from_rotation
-from enliven.mapping.sole import Sole
 from enliven.motion.contact.pin import find_bend, pin_limb
 from enliven.rotation import rotate, slerp
 

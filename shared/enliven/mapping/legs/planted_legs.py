@@ -2,8 +2,8 @@
 
     plant_feet(shape, steps, performer, turns, joints)      # changes turns and joints in place
 
-The path of the body is that of :mod:`enliven.mapping.planting`. The pelvis, the feet and the knees then close
-the distances that remain.
+The path of the body is that of :mod:`enliven.mapping.legs.planting`. The pelvis, the feet and the knees then
+close the distances that remain.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ import scipy
 
 from enliven.arrays import Float
 from enliven.document import RiggedCharacter, Skeleton
-from enliven.mapping.gait import LegStep, PerformerGait, leg_length
 from enliven.mapping.ground import floor_height_under
-from enliven.mapping.leg_motion import bend_leg, make_foot_sole
-from enliven.mapping.planting import (
+from enliven.mapping.legs.gait import LegStep, PerformerGait, leg_length
+from enliven.mapping.legs.leg_motion import bend_leg, make_foot_sole
+from enliven.mapping.legs.planting import (
     PosedLeg,
     Spans,
     compute_remaining_offsets,
@@ -29,7 +29,7 @@ from enliven.mapping.planting import (
     plant_body,
     remove_spin,
 )
-from enliven.mapping.sole import Sole
+from enliven.mapping.legs.sole import Sole
 from enliven.rotation import (
     conjugate,
     from_rotation_vector,
