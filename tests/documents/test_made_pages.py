@@ -57,6 +57,9 @@ def test_a_whole_run_of_benchmarks_writes_the_table_of_figures():
     rows = [line for line in once.splitlines() if line.startswith(("| `road.late", "| `arap.frame"))]
     assert rows == ["| `arap.frame` | 3.6 | ms | 7.5 | libigl |", "| `road.late` | 7.125 | ms | | |"]
     assert figures_page.make_page(once, figures, "two cores", evening) == once
+    fast = Figure("road.latency_p50_ms", 7.1, "ms")
+    highlights = figures_page.make_page(page, [fast], "two cores", evening).partition("### All figures")[0]
+    assert "| time from reading a frame to publishing the pose, median | 7.1 | ms | | |" in highlights
     before, _, after = page.partition("<!-- figures -->")
     assert once.startswith(before) and once.endswith(after.partition("<!-- end -->")[2])
     assert "cores of" in figures_page.this_machine()
