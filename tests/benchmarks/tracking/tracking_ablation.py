@@ -46,7 +46,7 @@ HEAD = (
     f"{'without':<34}{'within':>8}{'earns':>8}{'+-':>6}{'id':>5}{'l/r':>5}{'false':>6}{'mean mm':>9}{'ms':>7}"
 )
 FIT_WEIGHTS = ("affinity", "free_space", "landmarks", "floor", "temporal", "rest", "ranges", "proportions")
-"""Weights of the fit whose terms are turned off by 0."""
+"""Weights of the fit. A term with weight 0 is off."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ def describe(name: str, scores: list[Scores], whole: list[Scores]) -> str:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--only", default="", help="mechanisms whose name has this in it")
+    parser.add_argument("--only", default="", help="only mechanisms with this text in their name")
     parser.add_argument("--starts", type=int, nargs="+", default=[0], help="first frames (default: 0)")
     parser.add_argument("--processes", type=int, default=2, help="number of processes (default: 2)")
     args = parser.parse_args()
