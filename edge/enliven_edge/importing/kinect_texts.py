@@ -104,7 +104,10 @@ class BodyScannerReader(SkeletonReader):
         missing_names = [name for name in (_SCAN_TILT, *KINECT2_NAMES) if name not in position_by_name]
         if missing_names:
             raise InputError(f"the row {missing_names[0]} is missing", where=str(path))
-        level = level_from_tilted(math.radians(float(position_by_name[_SCAN_TILT][0])))
+        degrees = float(position_by_name[_SCAN_TILT][0])
+        if not math.isfinite(degrees):
+            raise InputError(f"the row {_SCAN_TILT} has no finite number of degrees", where=str(path))
+        level = level_from_tilted(math.radians(degrees))
         # In the file, as in the world, +Z points to the sensor.
         joints = (
             np.array([position_by_name[name] for name in KINECT2_NAMES]) @ (WORLD_FROM_KINECT_SPACE @ level).T

@@ -274,6 +274,14 @@ def test_body_scanner_is_levelled(tmp_path):
     assert_person(frames[0].bodies[0], person())
 
 
+@pytest.mark.parametrize("degrees", [np.inf, -np.inf, np.nan])
+def test_body_scanner_without_a_finite_tilt_is_refused(tmp_path, degrees):
+    path = tmp_path / "20190823.csv"
+    path.write_text(scanner_text(person(), 0.0).replace("Degree,0.0", f"Degree,{degrees}"))
+    with pytest.raises(InputError, match="the row Degree has no finite number of degrees"):
+        read(path)
+
+
 def test_levelling_is_the_formula_of_the_data_set():
     tilt = np.radians(13.53401)
     x, y, z = 0.3, -0.7, -2.2
