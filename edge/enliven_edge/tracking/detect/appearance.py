@@ -39,9 +39,9 @@ def _capsule_parts() -> Float:
 
 CAPSULE_PARTS = _capsule_parts()
 """(20, 17) matrix: 1 if a capsule of the model belongs to a body part, else 0."""
-_MOST_PARTS = int(CAPSULE_PARTS.sum(1).max())
-"""Largest number of body parts of a capsule: the neck has the head and both sides of the chest."""
-_PART_INDICES = np.array([[*np.flatnonzero(row), *_MOST_PARTS * [-1]][:_MOST_PARTS] for row in CAPSULE_PARTS])
+_MAX_PARTS = int(CAPSULE_PARTS.sum(1).max())
+"""Maximum number of body parts of a capsule: the neck has the head and both sides of the chest."""
+_PART_INDICES = np.array([[*np.flatnonzero(row), *_MAX_PARTS * [-1]][:_MAX_PARTS] for row in CAPSULE_PARTS])
 """(20, 3) indices of the body parts of each capsule, filled up with -1."""
 _SIDELESS_CAPSULE_PARTS = np.maximum(CAPSULE_PARTS, CAPSULE_PARTS[:, MIRRORED])
 """(20, 17) matrix like ``CAPSULE_PARTS`` in which left and right parts count as the same part."""
