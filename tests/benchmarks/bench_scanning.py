@@ -187,7 +187,7 @@ def _scan_chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.nda
     # would seem missing.
     is_near = cKDTree(_sample_surface(near, 1_000_000)[0]).query(points[0][::12])[0] < NEAR
     is_seen = _find_visible(scan, points[0][::12], points[1][::12])
-    yield Figure("scanning.completeness", float(is_near[is_seen].mean()), "of the surface that the camera saw")
+    yield Figure("scanning.completeness", float(is_near[is_seen].mean()), "of the visible surface")
     yield Figure("scanning.completeness_all", float(is_near.mean()), "of the surface, undersides included")
 
 
