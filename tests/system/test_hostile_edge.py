@@ -17,9 +17,10 @@ from zmq_contexts import make_context
 from enliven.health import Severity
 from enliven.wire import Endpoint, Smooth, characters, requests, scans, streams, topics
 from enliven.wire.envelope import pack_control, pack_stream
-from enliven_viewer.link import edge_connection
+from enliven_viewer.link import edge_characters, edge_connection, received_values
 from enliven_viewer.link import requests as link_requests
 from enliven_viewer.link.bounded_containers import BoundedQueue, NewestValues
+from enliven_viewer.link.edge_characters import MAX_UNKNOWN_CHARACTERS, MAX_UNREAD_BYTES
 from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.edge_feed import EdgeFeed
 from enliven_viewer.playback.document import Document
@@ -73,7 +74,7 @@ class HostileEdge:
 @pytest.fixture
 def edge() -> Iterator[HostileEdge]:
     started = HostileEdge()
-    started.until(lambda: started.link.edges[0]._wanted)
+    started.until(lambda: started.link.edges[0].characters.wanted)
     yield started
     started.close()
 
@@ -81,7 +82,8 @@ def edge() -> Iterator[HostileEdge]:
 def held_bytes(edge: HostileEdge) -> int:
     """Returns the number of bytes that the viewer counts for all data it stores."""
     own = edge.link.edges[0]
-    kept = [*own.inbox.values(), *own.latest.values(), own._waiting, own._unsure]
+    received = [*own.values.inbox.values(), *own.values.latest.values()]
+    kept = [*received, own.characters.waiting, own._unsure]
     return sum(each.bytes for each in kept)
 
 
@@ -107,13 +109,11 @@ def test_names_that_the_edge_does_not_list_are_kept_for_a_few_only(
     edge.until(lambda: edge.link.edges[0].health().malformed > 1000)
     own = edge.link.edges[0]
     assert (
-        len(own._unknown) <= edge_connection._MAX_UNKNOWN_CHARACTERS
-        and len(own._sequences) <= edge_connection._MAX_UNKNOWN_CHARACTERS
+        len(own.characters.unknown) <= MAX_UNKNOWN_CHARACTERS
+        and len(own._sequences) <= MAX_UNKNOWN_CHARACTERS
     )
-    assert (
-        max((len(each) for each in own.latest.values()), default=0) <= edge_connection._MAX_UNKNOWN_CHARACTERS
-    )
-    assert len(document.timeline._cues) <= edge_connection._MAX_UNKNOWN_CHARACTERS
+    assert max((len(each) for each in own.values.latest.values()), default=0) <= MAX_UNKNOWN_CHARACTERS
+    assert len(document.timeline._cues) <= MAX_UNKNOWN_CHARACTERS
 
 
 def test_poses_of_noise_that_wait_for_their_character_are_bounded(edge: HostileEdge) -> None:
@@ -122,12 +122,12 @@ def test_poses_of_noise_that_wait_for_their_character_are_bounded(edge: HostileE
         if number % 20 == 0:
             edge.turn()
     edge.until(lambda: edge.link.edges[0]._sequences.get("chair") == 299)
-    assert edge_connection._MAX_UNREAD_BYTES / 2 < held_bytes(edge) < 1.2 * edge_connection._MAX_UNREAD_BYTES
+    assert MAX_UNREAD_BYTES / 2 < held_bytes(edge) < 1.2 * MAX_UNREAD_BYTES
 
 
 def test_memory_of_an_endless_scan_is_bounded(edge: HostileEdge, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("_MAX_STORED_BYTES", "_MAX_NEWEST_BYTES"):
-        monkeypatch.setattr(edge_connection, name, 1_000_000)
+        monkeypatch.setattr(received_values, name, 1_000_000)
     for number in range(200):
         piece = scans.ScanPieceMessage(1, (number, 0, 0), 8, 0.01, NOISE[:18_000], NOISE[:3000])
         edge.pub.send(pack_stream(piece))
@@ -194,8 +194,8 @@ def test_a_character_that_was_not_asked_for_or_does_not_fit_is_not_kept(
         )
 
     edge.names = ["chair", "lamp", "sofa"]
-    sizes = edge_connection._count_bytes(character("x"))
-    monkeypatch.setattr(edge_connection, "_MAX_CHARACTER_BYTES", 2 * sizes)
+    sizes = edge_characters.count_bytes(character("x"))
+    monkeypatch.setattr(edge_characters, "_MAX_CHARACTER_BYTES", 2 * sizes)
     edge.status = msgspec.structs.replace(edge.status, revision=2)
     edge.answer = lambda body: character(body["character"]) if body["type"] == "GetState" else None
     notices: list[str] = []
@@ -235,7 +235,7 @@ def test_text_from_an_edge_is_escaped_in_log_and_window(evil: str, caplog: pytes
         edge.names = [evil]
         edge.answer = lambda body: requests.Refused(evil) if body["type"] == "Smooth" else None
         feed, document, notices = EdgeFeed(edge.link), Document(), list[str]()
-        edge.until(lambda: edge.link.edges[0]._wanted)
+        edge.until(lambda: edge.link.edges[0].characters.wanted)
         edge.link.ask(Smooth(1, 1.0))
         for message in (
             streams.CuesMessage(evil, "possessed", bytes(2), bytes(1), 1, 1),

@@ -238,7 +238,7 @@ def test_departed_characters_leave_no_memory(house: House, capsys: pytest.Captur
     assert len({*counts}) == 1 and not {name for name, _ in latched(house)} & {*about}
     assert used[-1] - used[1] < 8.0, f"memory grows: {used}"
     house.until(lambda: viewer.edges[0].has_all_characters, viewer.poll)
-    kept = {key for name in about for key in viewer.edges[0].latest.get(name, ())}
+    kept = {key for name in about for key in viewer.edges[0].values.latest.get(name, ())}
     assert kept <= {f"guest {VISITORS - 1}"}, "the viewer forgets them, too"
     house.stage.place_actor(box_actor(graph, box, "last"))
     newcomer = EdgeClient([house.outlet.publisher.endpoint])

@@ -288,7 +288,7 @@ def test_a_long_character_arrives_although_another_thread_encrypts_it(locked: Lo
 def viewer_config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> KeyStore:
     """Sets the configuration folder of this process to that of a viewer's user."""
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "viewer"))
-    monkeypatch.setattr("enliven_viewer.link.edge_connection._REOPEN_INTERVAL_S", 0.05)
+    monkeypatch.setattr("enliven_viewer.link.stream_socket._REOPEN_INTERVAL_S", 0.05)
     return KeyStore()
 
 

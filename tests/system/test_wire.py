@@ -281,7 +281,7 @@ def test_contradictory_character_or_pose_is_dropped(fake: FakeEdge) -> None:
 
     def tick() -> bool:
         fake.pub.send(pack_stream(status))
-        asked = "chair" in link.edges[0]._asked_at
+        asked = "chair" in link.edges[0].characters._asked_at
         fake.answer(lambda n: pack_control(requests.Reply(n, bad if asked else welcome)))
         return link.edges[0]._rejects.counts["refused"] > 0
 
@@ -367,7 +367,7 @@ def test_lost_poses_are_counted(fake: FakeEdge) -> None:
     )
     for sequence in (5, 6, 9, 9, 7, 10):
         fake.pub.send(pack_stream(streams.PoseMessage("chair", 1, 1, sequence, 0, 0, 0, b"")))
-    until(link, lambda: len(link.edges[0]._waiting) == 4)
+    until(link, lambda: len(link.edges[0].characters.waiting) == 4)
     assert link.edges[0].health().lost == 2, "7 and 8; the second 9 and the late 7 are dropped"
     link.close()
 

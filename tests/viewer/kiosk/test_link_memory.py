@@ -46,7 +46,7 @@ class Run:
             self.link.advance(1 / RATE_HZ)
             self.longest_s = max(self.longest_s, (self.timeline.end_ns - self.timeline.start_ns) * 1e-9)
             self.most_unread_bytes = max(
-                self.most_unread_bytes, sum(each.bytes for each in self.connection.inbox.values())
+                self.most_unread_bytes, sum(each.bytes for each in self.connection.values.inbox.values())
             )
             if self.timeline.end_ns >= end_ns:
                 return
@@ -70,7 +70,7 @@ def test_a_kiosk_stores_some_seconds_and_no_camera_images(run):
     run.advance(FRAMES)
     gc.collect()
     grown = len(gc.get_objects()) - before
-    latest = {name: len(values) for name, values in run.connection.latest.items()}
+    latest = {name: len(values) for name, values in run.connection.values.latest.items()}
     assert latest["camera"] == 1 and latest["pose"] == 1, "both have arrived"
     assert MAX_HISTORY_S - 1.0 < run.longest_s <= MAX_HISTORY_S + 1.0 / RATE_HZ
     assert len(run.timeline) <= MAX_HISTORY_S * RATE_HZ + 1

@@ -163,7 +163,7 @@ def test_messages_during_a_slow_frame_are_sorted_by_time(publisher, box) -> None
         for second in range(1, 11):
             publisher.publish(bodies_to_message([Body(7, np.zeros((20, 3)), np.ones(20))], second * NS_PER_S))
             publisher.publish_pose(box.rest_pose(second * NS_PER_S))
-        until(lambda: len(feed.link.edges[0].inbox.get("pose", ())) == 10, lambda: feed.link.poll())
+        until(lambda: len(feed.link.edges[0].values.inbox.get("pose", ())) == 10, lambda: feed.link.poll())
         feed.poll(document)
         assert heard == [second * NS_PER_S for second in range(1, 11) for _ in range(2)]
         assert document.timeline.generation == generation and len(document.timeline) >= 10

@@ -116,11 +116,12 @@ class EdgeClient:
     @property
     def characters(self) -> dict[str, Character]:
         """Returns the characters by id. An object is replaced when its edge publishes a new revision."""
-        return {name: held.character for edge in self.edges for name, held in edge.held.items()}
+        return {name: held.character for edge in self.edges for name, held in edge.characters.held.items()}
 
     def latest(self, topic: Topic) -> dict[str, Any]:
         """Returns the newest value of each key of a topic, such as the cues by character."""
-        return {key: value for edge in self.edges for key, value in edge.latest.get(topic.name, {}).items()}
+        newest = [edge.values.latest.get(topic.name, {}) for edge in self.edges]
+        return {key: value for values in newest for key, value in values.items()}
 
     @property
     def status(self) -> StatusMessage | None:
@@ -151,8 +152,8 @@ class EdgeClient:
         """Returns the values of a topic received since the last call, in order for each edge. The topic's
         ``keep`` determines whether these are all values or only the newest of each key.
         """
-        inboxes = [edge.inbox[topic.name] for edge in self.edges if topic.name in edge.inbox]
-        return [value for inbox in inboxes for value in inbox.take_all()]
+        inboxes = [edge.values.inbox.get(topic.name) for edge in self.edges]
+        return [value for inbox in inboxes if inbox is not None for value in inbox.take_all()]
 
     def take_notices(self) -> list[Notice]:
         """Returns messages for the user since the last call.
@@ -175,7 +176,7 @@ class EdgeClient:
                 edge.send_command(order, on_reply)
             return
         for edge in self.edges:
-            if character in edge.held:
+            if character in edge.characters.held:
                 prefix = f"{self._prefix(edge.name)}/" if self._prefixed else ""
                 edge_order = msgspec.structs.replace(order, character=character.removeprefix(prefix))
                 edge.send_command(edge_order, on_reply)

@@ -5,19 +5,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import zmq
-from msgspec.structs import astuple
 
-from enliven.document import Character
 from enliven.errors import EnlivenError, InputError
-from enliven.keys.client import ClientKeys, HandshakeMonitor, handshake_advice
 from enliven.peers.clock_probe import ClockProbe
 from enliven.wire import (
-    MAX_STREAM_BYTES,
-    MAX_UNREAD_STREAMS,
     POSE,
     STATUS,
     STREAMS,
@@ -33,7 +28,6 @@ from enliven.wire import (
     OtherVersionError,
     Ping,
     Pong,
-    PoseCodec,
     PoseMessage,
     Refused,
     RejectCounter,
@@ -41,43 +35,22 @@ from enliven.wire import (
     Topic,
     Welcome,
     check_request,
-    make_socket,
-    message_to_character,
     message_to_pose,
     unpack_stream,
 )
-from enliven_viewer.link.bounded_containers import BoundedQueue, NewestValues
+from enliven_viewer.link.bounded_containers import BoundedQueue
 from enliven_viewer.link.clock import ClockEstimate
+from enliven_viewer.link.edge_characters import MAX_UNREAD_BYTES, EdgeCharacters
 from enliven_viewer.link.received_data import Health, Notice, ReceivedPose
+from enliven_viewer.link.received_values import MAX_STORED_FRAMES, ReceivedValues
 from enliven_viewer.link.requests import Requests
 from enliven_viewer.link.stage_link import StageLink
+from enliven_viewer.link.stream_socket import StreamSocket
 from enliven_viewer.link.topic_health import SILENCE_TIMEOUT_S, TopicHealth, TopicWatch
 from enliven_viewer.link.topic_tracks import find_track, relabel_character
 
 _POLL_BUDGET_S = 0.01
 """Maximum time in seconds that one poll spends on messages, so that many messages do not block drawing."""
-_MAX_STORED_FRAMES = 4000
-"""Maximum number of unfetched poses, and of unfetched frames of bodies: two minutes of one character."""
-_MAX_STORED_BYTES = 64 * 1024 * 1024
-"""Maximum size of a topic's unfetched values in bytes: two minutes of poses of a graph with 1,000 nodes."""
-_MAX_UNREAD_BYTES = 16 * 1024 * 1024
-"""Maximum size in bytes of messages that are queued until their character has arrived, or until the sending
-process is known.
-"""
-_MAX_KEYS = 4096
-"""Maximum number of keys of a topic, such as the blocks of a scan. The newest value of each key is stored. An
-edge sends no more keys than this.
-"""
-_MAX_NEWEST_BYTES = 128 * 1024 * 1024
-"""Maximum size of a topic's newest values in bytes. The blocks of a scanned room take about 40 MB."""
-_MAX_UNKNOWN_CHARACTERS = 64
-"""Maximum number of characters in messages that the edge has not listed yet: four times the capacity of a
-stage.
-"""
-_MAX_CHARACTER_BYTES = 512 * 1024 * 1024
-"""Maximum size of all characters of an edge in bytes: enough for four characters of two million vertices
-each.
-"""
 _REQUEST_INTERVAL_S = 1.0
 """Seconds between two identical requests once stream messages arrive."""
 _FIRST_REQUEST_INTERVAL_S = 0.1
@@ -90,22 +63,10 @@ _CHARACTER_TIMEOUT_S = 10.0
 """Timeout in seconds of a character request, which may transfer megabytes over a slow network."""
 _MAX_PARALLEL_REQUESTS = 4
 """Maximum number of simultaneous character requests, so that poses and heartbeats are not delayed."""
-_FULL_RETRY_INTERVAL_S = 30.0
-"""Seconds until a character that exceeds the memory limit is requested again."""
 NO_ANSWER_TEXT = "does not answer"
 """Last words of the refusal text of a command that timed out. A busy edge may still execute the command."""
-_REOPEN_INTERVAL_S = 2.0
-"""Seconds from a failed handshake to the next attempt. In the meantime the user may pair with the edge."""
 _COMMAND_TIMEOUT_S = 3.0
 """Timeout of a command, in seconds. After that, a notice reports that the edge does not answer."""
-
-
-@dataclass(frozen=True)
-class _HeldCharacter:
-    revision: int
-    character: Character
-    codec: PoseCodec
-    size: int
 
 
 class EdgeConnection:
@@ -120,9 +81,8 @@ class EdgeConnection:
             is forwarded once its character is known.
 
     Attributes:
-        inbox: the unfetched values by topic. The topic's ``keep`` determines whether these are all values or
-            only the newest of each key.
-        latest: the newest value by topic and key.
+        values: the received values.
+        characters: the edge's characters.
         stage: link that puts characters onto the edge's stage.
         probe: measures the edge's clock precisely, see :meth:`align_clock`. None if only the coarse estimate
             :attr:`clock` is used.
@@ -145,23 +105,21 @@ class EdgeConnection:
         self.endpoint, self.clock = endpoint, ClockEstimate()
         self.probe: ClockProbe | None = None
         self._viewer, self._label, self._notify = viewer, label, notify
-        self._context, self.role = context, ""
-        self._access_problem, self._reopen_at = "", math.inf
+        self.role = ""
         keys = endpoint.find_keys()
-        self._open_stream(keys)
         self._requests = Requests(context, endpoint, keys)
+        self._stream = StreamSocket(context, endpoint, keys, self._report_access, self._requests.reopen)
         self._rejects = RejectCounter(f"edge at {endpoint}")
         self.status: StatusMessage | None = None
-        self.held: dict[str, _HeldCharacter] = {}
-        self.inbox: dict[str, BoundedQueue[Any] | NewestValues] = {}
-        self.latest: dict[str, NewestValues] = {}
+        self.values = ReceivedValues()
+        self.characters = EdgeCharacters(self._label_character)
         self._watches: dict[str, TopicWatch] = {}
         self.instance: int | None = None
         self.clash = False
         self._lost = 0
         self._other_version: int | None = None
         self.last_heard = self._ping_at = -math.inf
-        self._unsure: BoundedQueue[bytes] = BoundedQueue(_MAX_STORED_FRAMES, _MAX_UNREAD_BYTES)
+        self._unsure: BoundedQueue[bytes] = BoundedQueue(MAX_STORED_FRAMES, MAX_UNREAD_BYTES)
         self._has_reported_full = False
         self._after_silence = True
         self._has_reported_listening = False
@@ -170,15 +128,14 @@ class EdgeConnection:
 
     def poll(self) -> None:
         """Processes received messages and requests missing data. Does not block."""
-        self._watch_handshake()
+        self._stream.watch_handshake()
         self._requests.poll(self._reject)
         deadline = time.monotonic() + _POLL_BUDGET_S
         while time.monotonic() < deadline:
-            try:
-                parts = self._stream.recv_multipart(zmq.DONTWAIT)
-            except zmq.Again:
+            data = self._stream.receive()
+            if data is None:
                 break
-            self._receive(b"".join(parts), latched=False)
+            self._receive(data, latched=False)
         self._request_missing_data()
         self.stage.poll()
 
@@ -192,7 +149,7 @@ class EdgeConnection:
         now = time.monotonic()
         poses = self._get_topic_watch(POSE).health(self.status.fps if self.status else 0.0)
         state, text = self._state(now, poses)
-        hz = poses.hz * max(len(self.latest.get(POSE.name, {})), 1)
+        hz = poses.hz * max(len(self.values.latest.get(POSE.name, {})), 1)
         return Health(state, text, hz, self._rejects.total, self._lost)
 
     def topics(self) -> dict[str, TopicHealth]:
@@ -229,13 +186,13 @@ class EdgeConnection:
         """Returns the revision of a character by its id on the edge, or 0 if the edge does not have the
         character.
         """
-        return self._wanted.get(character, 0)
+        return self.characters.wanted.get(character, 0)
 
     @property
     def has_all_characters(self) -> bool:
         """Returns True if the edge's list of characters is known and all of them have been received."""
         is_list_current = self.status is not None and self._known_revision == self.status.revision
-        return is_list_current and self._revisions == self._wanted
+        return is_list_current and self.characters.is_complete
 
     def align_clock(self) -> None:
         """Starts to measure the edge's clock, to a fraction of a millisecond on a wired network. The
@@ -256,7 +213,7 @@ class EdgeConnection:
         """Returns the SUB socket of the streams. Callers may only poll it. It is replaced when the keys
         change.
         """
-        return self._stream
+        return self._stream.socket
 
     def close(self) -> None:
         """Closes the sockets."""
@@ -265,44 +222,15 @@ class EdgeConnection:
             self.probe = None
         self.stage.close()
         self._requests.close()
-        self._close_stream()
-
-    def _open_stream(self, keys: ClientKeys | None) -> None:
-        """Opens the SUB socket and connects it to the edge's streams."""
-        self._stream = make_socket(self._context, zmq.SUB, MAX_STREAM_BYTES, MAX_UNREAD_STREAMS, keys)
-        self._handshake = HandshakeMonitor(self._stream, keys is not None)
-        self._stream.setsockopt(zmq.SUBSCRIBE, b"")
-        self._stream.connect(self.endpoint.stream_address)
-
-    def _close_stream(self) -> None:
-        self._handshake.close()
-        self._stream.close(linger=0)
-
-    def _watch_handshake(self) -> None:
-        """Reports a failed handshake. Reconnects later, because libzmq does not retry after wrong keys."""
-        self._handshake.poll()
-        problem, now = self._handshake.problem, time.monotonic()
-        if problem and self._reopen_at == math.inf:
-            self._reopen_at = now + _REOPEN_INTERVAL_S
-            advice = handshake_advice(problem, self.endpoint.host)
-            self._report_access(f"the edge at {self.endpoint} {advice}")
-        elif now >= self._reopen_at:
-            self._reopen_at = math.inf
-            try:
-                keys = self.endpoint.find_keys()
-            except EnlivenError as error:
-                self._reopen_at = now + _REOPEN_INTERVAL_S
-                self._report_access(str(error))
-                return
-            self._close_stream()
-            self._open_stream(keys)
-            self._requests.reopen(keys)
+        self._stream.close()
 
     def _report_access(self, text: str) -> None:
-        """Notifies the user of a problem with the keys, once per problem."""
-        if text != self._access_problem:
-            self._access_problem = text
-            self._notify(Notice("error", text))
+        """Notifies the user of a problem with the keys."""
+        self._notify(Notice("error", text))
+
+    def _label_character(self, character: str) -> str:
+        """Returns the id in this viewer of a character of the edge."""
+        return self._label(self.name, character)
 
     def _state(self, now: float, poses: TopicHealth) -> tuple[Any, str]:
         """Returns the state and the text of :class:`Health`."""
@@ -311,8 +239,8 @@ class EdgeConnection:
                 f"the edge at {self.endpoint} uses version {self._other_version} of the network protocol, "
                 "but this viewer uses another version: install the same release of enliven on both"
             )
-        if self._access_problem:
-            return "no access", self._access_problem
+        if self._stream.problem:
+            return "no access", self._stream.problem
         if self.status is None:
             return "waiting", f"waiting for an edge at {self.endpoint}"
         if self.clash:
@@ -332,14 +260,8 @@ class EdgeConnection:
         """
         self.instance = instance
         self._known_revision = -1
-        self._revisions: dict[str, int] = {}
         self._sequences: dict[str, int] = {}
-        self._unknown: set[str] = set()
-        self._waiting: BoundedQueue[tuple[PoseMessage, int]] = BoundedQueue(
-            _MAX_STORED_FRAMES, _MAX_UNREAD_BYTES
-        )
-        self._wanted: dict[str, int] = {}
-        self._asked_at: dict[str, float] = {}
+        self.characters.begin_instance()
         self._hello_at = -math.inf
         self._requests.forget()
         self.stage.restart()
@@ -366,15 +288,11 @@ class EdgeConnection:
             elif self._after_silence and not latched:
                 self._unsure.append(data, len(data))
                 return
-            elif self.status is not None and self._accepts_message(topic, message):
-                own_message = relabel_character(message, lambda character: self._label(self.name, character))
+            elif self.status is not None and self.characters.accepts(topic, message):
+                own_message = relabel_character(message, self._label_character)
                 track = find_track(topic)
-                self._store_value(
-                    topic,
-                    topic.key(own_message),
-                    track.read(own_message, self.name),
-                    track.size_of(len(data)),
-                )
+                value = track.read(own_message, self.name)
+                self.values.store(topic, topic.key(own_message), value, track.size_of(len(data)))
                 self._forward(message)
             if not latched:
                 self._get_topic_watch(topic).count_message(topic.key(message))
@@ -392,7 +310,7 @@ class EdgeConnection:
         """
         now = time.monotonic()
         self._after_silence |= now - self.last_heard > SILENCE_TIMEOUT_S
-        self.last_heard, self._other_version, self._access_problem = now, None, ""
+        self.last_heard, self._other_version, self._stream.problem = now, None, ""
 
     def _process_held_back(self) -> None:
         """Processes the queued messages that arrived after a silence, before the sending
@@ -403,41 +321,6 @@ class EdgeConnection:
         # the end.
         for data in self._unsure.take_all():
             self._receive(data, latched=False)
-
-    def _accepts_message(self, topic: Topic, message: Any) -> bool:
-        """Returns True if a message is about a listed character, or about one of a few unlisted ones."""
-        if (
-            not topic.is_per_character
-            or message.character in self._wanted
-            or message.character in self._unknown
-        ):
-            return True
-        if len(self._unknown) >= _MAX_UNKNOWN_CHARACTERS:
-            raise MalformedMessageError(
-                topic.name, "the message is about a character that the edge does not list"
-            )
-        self._unknown.add(message.character)
-        return True
-
-    def _store_value(self, topic: Topic, key: str, value: Any, size: int) -> None:
-        """Stores a value of ``size`` bytes in the inbox for the caller, and as the newest value
-        of its key.
-        """
-        if topic.name not in self.inbox:
-            # Keep only the newest camera image. A caller that never fetches them, such as a kiosk, would
-            # otherwise store thousands.
-            self.inbox[topic.name] = (
-                BoundedQueue(_MAX_STORED_FRAMES, _MAX_STORED_BYTES)
-                if topic.keep == "every"
-                else NewestValues(_MAX_KEYS, _MAX_NEWEST_BYTES)
-            )
-            self.latest[topic.name] = NewestValues(_MAX_KEYS, _MAX_NEWEST_BYTES)
-        self.latest[topic.name].set_newest(key, value, size)
-        inbox = self.inbox[topic.name]
-        if isinstance(inbox, NewestValues):
-            inbox.set_newest(key, value, size)
-        else:
-            inbox.append(value, size)
 
     def _get_topic_watch(self, topic: Topic) -> TopicWatch:
         """Returns the message counter of a topic."""
@@ -459,7 +342,7 @@ class EdgeConnection:
             if latched:
                 return
             self._begin_instance(message.instance)
-        self._accepts_message(POSE, message)
+        self.characters.accepts(POSE, message)
         last = self._sequences.get(message.character)
         if last is not None and (latched or message.sequence <= last):
             return
@@ -469,23 +352,15 @@ class EdgeConnection:
         self._decode(message, time.time_ns())
 
     def _decode(self, message: PoseMessage, received_ns: int) -> None:
-        held_revision = self._revisions.get(message.character, 0)
-        if held_revision != message.revision:
-            if message.revision > held_revision:
-                self._waiting.append((message, received_ns), len(message.transforms))
+        held = self.characters.find(message, received_ns)
+        if held is None:
             return
-        character_id = self._label(self.name, message.character)
-        held_character = self.held[character_id]
-        pose = replace(message_to_pose(message, held_character.codec), character=character_id)
+        character_id = held.character.id
+        pose = replace(message_to_pose(message, held.codec), character=character_id)
         times = (message.captured_ns, message.published_ns, received_ns, self.clock_offset_ns)
-        revision_of_pose = held_character.character, message.revision
         size = pose.linear.nbytes + pose.positions.nbytes
-        self._store_value(
-            POSE,
-            character_id,
-            ReceivedPose(pose, self.name, message.sequence, *times, *revision_of_pose),
-            size,
-        )
+        received = ReceivedPose(pose, self.name, message.sequence, *times, held.character, message.revision)
+        self.values.store(POSE, character_id, received, size)
         self._forward(message)
 
     def _request_missing_data(self) -> None:
@@ -503,19 +378,14 @@ class EdgeConnection:
             ping = Ping(self._viewer, time.time_ns(), listening)
             if self._requests.send(ping, "ping", _REPLY_TIMEOUT_S, self._handle_pong):
                 self._ping_at, self._has_reported_listening = now, listening
-        for character, revision in self._wanted.items():
-            if (
-                self._revisions.get(character) != revision
-                and now - self._asked_at.get(character, 0.0) > interval
-            ):
-                self._request_character(character, now)
+        for character in self.characters.list_missing(now, interval):
+            self._request_character(character, now)
 
     def _request_character(self, character: str, now: float) -> None:
         key = f"character {character}\0"
-        if self._requests.count_pending(
-            "character "
-        ) < _MAX_PARALLEL_REQUESTS and not self._requests.count_pending(key):
-            self._asked_at[character] = now
+        has_capacity = self._requests.count_pending("character ") < _MAX_PARALLEL_REQUESTS
+        if has_capacity and not self._requests.count_pending(key):
+            self.characters.record_request(character, now)
             self._requests.send(GetState(character), key, _CHARACTER_TIMEOUT_S, self._handle_character)
 
     def _handle_pong(self, answer: Answer | None) -> None:
@@ -529,54 +399,27 @@ class EdgeConnection:
         self.role = answer.role
         self._handle_status(answer.status)
         self._known_revision = answer.status.revision
-        listed_revisions = {entry.character: entry.revision for entry in answer.characters}
-        self._asked_at = {
-            c: t for c, t in self._asked_at.items() if listed_revisions.get(c) == self._wanted.get(c)
-        }
-        self._wanted = listed_revisions
-        listed_ids = {self._label(self.name, character) for character in self._wanted}
-        for unlisted_id in [name for name in self.held if name not in listed_ids]:
-            del self.held[unlisted_id]
-        self._forget_unlisted(listed_ids)
-        self._revisions = {
-            name: revision for name, revision in self._revisions.items() if name in listed_revisions
-        }
-        self._sequences = {name: last for name, last in self._sequences.items() if name in listed_revisions}
-        self._unknown.clear()
+        self.values.forget_unlisted(self.characters.set_list(answer.characters))
+        listed = self.characters.wanted
+        self._sequences = {name: last for name, last in self._sequences.items() if name in listed}
         for message in answer.latest:
             self._receive(message, latched=True)
-
-    def _forget_unlisted(self, listed_ids: set[str]) -> None:
-        """Removes the newest messages about characters that the edge does not list."""
-        for name, newest in self.latest.items():
-            if STREAMS[name].is_per_character:
-                for unlisted_id in newest.keys() - listed_ids:
-                    newest.forget(unlisted_id)
 
     def _handle_character(self, answer: Answer | None) -> None:
         """Stores a character and decodes its queued poses. If the new revision is unusable, the old one
         stays.
         """
-        if not isinstance(answer, CharacterMessage) or answer.id not in self._wanted:
+        if not isinstance(answer, CharacterMessage) or answer.id not in self.characters.wanted:
             return
-        character_id = self._label(self.name, answer.id)
         try:
-            character = replace(message_to_character(answer), id=character_id)
-            codec = PoseCodec(character)
+            is_held = self.characters.add(answer, time.monotonic())
         except (EnlivenError, ValueError) as error:
             self._rejects.add(error)
             return
-        size = _count_bytes(answer)
-        other_bytes = sum(
-            held_character.size for name, held_character in self.held.items() if name != character_id
-        )
-        if other_bytes + size > _MAX_CHARACTER_BYTES:
-            self._asked_at[answer.id] = time.monotonic() + _FULL_RETRY_INTERVAL_S
+        if not is_held:
             self._report_full_memory()
             return
-        self.held[character_id] = _HeldCharacter(answer.revision, character, codec, size)
-        self._revisions[answer.id] = answer.revision
-        for message, received_ns in self._waiting.take_all():
+        for message, received_ns in self.characters.waiting.take_all():
             try:
                 self._decode(message, received_ns)
             except ValueError as error:
@@ -586,15 +429,4 @@ class EdgeConnection:
         """Notifies the user once that not all characters fit into memory."""
         if not self._has_reported_full:
             self._has_reported_full = True
-            max_megabytes = _MAX_CHARACTER_BYTES // 1024**2
-            problem = f"the characters of {self.name} have more than {max_megabytes} MB"
-            text = f"{problem}, so some are not shown. Remove some characters from the stage"
-            self._notify(Notice("warning", text))
-
-
-def _count_bytes(message: CharacterMessage) -> int:
-    """Returns the number of bytes of a character's arrays and images."""
-    parts = [*astuple(message)]
-    if message.materials is not None:
-        parts += [*astuple(message.materials), *(texture.image for texture in message.materials.textures)]
-    return sum(len(part) for part in parts if isinstance(part, bytes))
+            self._notify(Notice("warning", self.characters.describe_limit(self.name)))

@@ -154,7 +154,7 @@ class Bridge:
 
     def _find_characters(self) -> tuple[list[Entry], list[str]]:
         """Returns the messages of new and changed characters, and the ids of removed characters."""
-        held_characters = self._link.edges[0].held
+        held_characters = self._link.edges[0].characters.held
         removed_ids = [name for name in self._revisions if name not in held_characters]
         for name in removed_ids:
             del self._revisions[name]
