@@ -12,11 +12,11 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven_edge.tracking.body_model.posture import Posture
-from enliven_edge.tracking.detect.appearance import EstimateAtPoints
 from enliven_edge.tracking.detect.arm_starts import ARM_JOINTS, Arm, arm_starts
 from enliven_edge.tracking.detect.backoff import Backoff
-from enliven_edge.tracking.fit.fit import FitReport, Fitter
-from enliven_edge.tracking.frame.observation import Observation
+from enliven_edge.tracking.detect.fitted_frame import Fit, FittedFrame
+from enliven_edge.tracking.detect.proposals import FIT_STEPS, MAX_LIMB_COST, Doubts
+from enliven_edge.tracking.fit.fit import Fitter
 
 _DOUBTFUL_ENERGY_RATIO = 1.12
 """Both arms are doubtful if the energy exceeds the usual energy of the person's frames by this factor. Most
@@ -51,57 +51,49 @@ fit.
 class ArmRecovery:
     """Tries the doubtful arms of one person at other positions, a few per frame."""
 
+    max_cost_ratio = MAX_LIMB_COST
+
     def __init__(self, fitter: Fitter) -> None:
         self._fitter = fitter
         self._turn = 0
         self._usual_energy = np.inf
         self._backoff = Backoff(_MAX_ATTEMPT_INTERVAL)
 
-    def try_arms(
-        self,
-        observation: Observation,
-        posture: Posture,
-        report: FitReport,
-        doubtful: list[Arm],
-        network_output: EstimateAtPoints | None,
-        *,
-        steps: int,
-    ) -> tuple[Posture, FitReport] | None:
-        """Returns a fit with one arm at another position that may be better, or None if no position is
-        promising.
-
-        Args:
-            observation: the observed person.
-            posture: the present posture.
-            report: the report of its fit.
-            doubtful: limbs that are already doubtful, including legs.
-            network_output: the network's estimate; None without the network.
-            steps: steps of the full fit.
-        """
-        costs_more = self._costs_more_than_usual(report.energy)
-        min_signs = 1 if network_output is None else _MIN_SIGNS
+    def propose(self, frame: FittedFrame, doubts: Doubts) -> Fit | None:
+        """Returns a fit with one arm at another position, or None if no position is promising."""
+        costs_more = self._costs_more_than_usual(frame.report.energy)
+        min_signs = 1 if frame.network_output is None else _MIN_SIGNS
         arms = [
             arm
             for arm in ARM_JOINTS
-            if costs_more + (arm in doubtful) + _network_disagrees(posture, arm, network_output) >= min_signs
+            if costs_more + (doubts.is_body_doubtful or arm in doubts.limbs) + _network_disagrees(frame, arm)
+            >= min_signs
         ]
-        if not arms or not self._backoff.is_due(report.energy):
+        if not arms or not self._backoff.is_due(frame.report.energy):
             return None
-        starts = arm_starts(observation, posture, network_output, arms)
+        self._backoff.start()
+        best = self._find_promising_start(frame, arms)
+        self._backoff.record(frame.report.energy, better=best is not None)
+        return None if best is None else self._fitter.fit(frame.observation, best, iterations=FIT_STEPS)
+
+    def record(self, frame: FittedFrame, *, accepted: bool) -> None:
+        """Does nothing: the interval depends on whether a start was promising."""
+
+    def _find_promising_start(self, frame: FittedFrame, arms: list[Arm]) -> Posture | None:
+        """Fits some start poses coarsely. Returns the best fit if it is promising."""
+        starts = arm_starts(frame.observation, frame.posture, frame.network_output, arms)
         candidates = [
             starts[(self._turn + n) % len(starts)]() for n in range(min(_TRIALS_PER_FRAME, len(starts)))
         ]
         self._turn += _TRIALS_PER_FRAME
-        thinned = observation.thin(_TRIAL_STRIDE)
-        present_fit, *other_starts = (
-            self._fitter.fit(thinned, start, iterations=_TRIAL_STEPS) for start in (posture, *candidates)
+        thinned = frame.observation.thin(_TRIAL_STRIDE)
+        present_fit, *other_fits = (
+            self._fitter.fit(thinned, start, iterations=_TRIAL_STEPS)
+            for start in (frame.posture, *candidates)
         )
-        best = min(other_starts, key=lambda fit: fit[1].energy)
-        promising = best[1].energy < _MAX_TRIAL_ENERGY * present_fit[1].energy
-        self._backoff.record(report.energy, better=promising)
-        if not promising:
-            return None
-        return self._fitter.fit(observation, best[0], iterations=steps)
+        best = min(other_fits, key=lambda fit: fit[1].energy)
+        is_promising = best[1].energy < _MAX_TRIAL_ENERGY * present_fit[1].energy
+        return best[0] if is_promising else None
 
     def _costs_more_than_usual(self, energy: float) -> bool:
         """Records a frame's energy, and returns True if it is well above the usual energy of this person's
@@ -116,9 +108,9 @@ class ArmRecovery:
         return energy > _DOUBTFUL_ENERGY_RATIO * self._usual_energy
 
 
-def _network_disagrees(posture: Posture, arm: Arm, network_output: EstimateAtPoints | None) -> bool:
+def _network_disagrees(frame: FittedFrame, arm: Arm) -> bool:
     """Returns True if the network's position of a joint of the arm clearly differs from the posture's."""
-    joints: Float = posture.joints()
-    return (
-        network_output is not None and network_output.estimate.count_disagreeing(joints, ARM_JOINTS[arm]) > 0
-    )
+    if frame.network_output is None:
+        return False
+    joints: Float = frame.posture.joints()
+    return frame.network_output.estimate.count_disagreeing(joints, ARM_JOINTS[arm]) > 0

@@ -9,25 +9,25 @@ from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.posture import Posture, predict_next
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints, chest_facing
 from enliven_edge.tracking.detect.detection import detect, estimates_by_facing
-from enliven_edge.tracking.detect.fit_quality import Facing, fit_quality, total_fit_cost
+from enliven_edge.tracking.detect.fit_quality import Facing, fit_quality
+from enliven_edge.tracking.detect.fitted_frame import Fit, FittedFrame
 from enliven_edge.tracking.detect.recovery import PoseRecovery
 from enliven_edge.tracking.estimator.estimator import load_shipped_estimator
 from enliven_edge.tracking.fit.fit import FitReport, Fitter
 from enliven_edge.tracking.frame.observation import FrameView, Observation
 from enliven_edge.tracking.people.confidence import joint_confidences, limit_when_seated
 from enliven_edge.tracking.people.evidence import NAMES, capsule_confidence, joint_evidence
-from enliven_edge.tracking.people.redetection import (
-    Redetection,
+from enliven_edge.tracking.people.person_estimate import (
     add_guides,
     create_observation,
     estimate_with_facing,
     flip_with_estimate,
     run_network,
-    start_detection,
 )
+from enliven_edge.tracking.people.redetection import Redetector
 from enliven_edge.tracking.segment.segmentation import pixels_near_bodies
 from enliven_edge.tracking.settings import TrackerSettings
-from enliven_edge.tracking.work_budget import NETWORK_COST, Budget, BudgetedTask, Steps, run_to_end
+from enliven_edge.tracking.work_budget import NETWORK_COST, Budget, Steps, run_to_end
 
 _MIN_DETECTION_QUALITY = 0.68
 """Minimum quality in [0, 1], see :func:`fit_quality.fit_quality`, for a detected body to be accepted as a
@@ -42,26 +42,6 @@ _MIN_EXPLAINED = 0.93
 because a limb may have moved fast."""
 _WIDE_WIDTH_M = 0.25
 """Robust width of the second fit in metres: about the movement of a fast hand in a frame."""
-_DOUBTFUL_COST = 8.5
-"""Maximum cost of a frame in square centimetres per point. Above it the person is detected again from
-scratch."""
-_DOUBTFUL_EXPLAINED = 0.87
-"""Minimum fraction of explained points. Below it a doubtful person is detected again, even if the network
-agrees with the posture."""
-_LIMB_JOINTS = 3
-"""Number of joints of one limb: elbow, wrist and hand, or knee, ankle and foot."""
-_MAX_COST_RATIO = 0.8
-"""Maximum cost of a new detection relative to the present cost for it to be accepted. A smaller gain may be
-chance."""
-_FIRST_REDETECTION_FRAMES = 30
-"""Initial number of frames between two detections of a doubtful person. A detection takes several frames.
-Doubling the number of detections did not improve the results on the tuning, close and held-out films.
-"""
-_MAX_REDETECTION_INTERVAL = 120
-"""Maximum number of frames between two detections. The wait doubles up to this number while no better posture
-is found."""
-_RESET_COST_RATIO = 1.2
-"""The wait is reset if the cost exceeds that of the last failed detection by this factor."""
 _KNOWN_LENGTHS_FRAMES = 120
 """Number of well fitted frames, four seconds, after which the bone lengths are reliable enough to use in a
 detection."""
@@ -73,7 +53,6 @@ _SHAPING_INTERVAL = 2
 fit is a third faster. With this interval the joint errors of the tuning, close and held-out films fell by up
 to a millimetre.
 """
-_NO_AFFINITY, _NO_LANDMARKS = np.zeros((0, 0), np.float32), np.zeros((0, 5))
 _SPEED_WINDOW_S = 0.4
 """Seconds over which the walking speed is averaged: shorter than a step, long enough to suppress the noise of
 single frames."""
@@ -130,9 +109,7 @@ class Follower:
         self._unsupported = np.zeros(20)
         self._velocity, self._time_ns = np.zeros(3), 0
         self.budget = Budget(np.inf)
-        self._since_detected = 0
-        self._redetection: Redetection | None = None
-        self._wait, self._failed_cost = _FIRST_REDETECTION_FRAMES, np.inf
+        self._redetector = Redetector(self._fitter, settings.body_height)
 
     @classmethod
     def detect(
@@ -188,11 +165,12 @@ class Follower:
     @property
     def is_redetecting(self) -> bool:
         """Returns True if a redetection of the person is in progress."""
-        return self._redetection is not None
+        return self._redetector.is_running
 
     def hide(self) -> None:
         """Handles a frame that does not show the person."""
-        self.confidence, self._redetection = np.zeros(20), None
+        self.confidence = np.zeros(20)
+        self._redetector.stop()
 
     def predict(self) -> Posture:
         """Returns the posture expected in the next frame, extrapolated from the last two."""
@@ -225,8 +203,8 @@ class Follower:
         posture, report = self._fit_frame(observation, predicted, self._length_weights())
         certain = capsule_confidence(report, observation, posture)
         # Do not try arms while a redetection runs, because a frame with both searches would take too long.
-        reconsider, arms = self._recovery.reconsider, not self.is_redetecting
-        posture, report = reconsider(observation, posture, report, certain, network_output, arms=arms)
+        frame = FittedFrame(observation, posture, report, network_output)
+        posture, report = self._recovery.reconsider(frame, certain, arms=not self.is_redetecting)
         velocity = self._update_velocity(posture.position, view.time_ns)
         flipped = network_output is not None and self._facing.is_wrong(
             network_output, posture, view.eye, velocity
@@ -235,7 +213,7 @@ class Follower:
             posture, network_output = flip_with_estimate(posture, network_output, view)
             observation = add_guides(observation, network_output, self.settings.fit.affinity)
             posture, report = self._fitter.fit(observation, posture)
-        redetected = self._try_redetection(observation, posture, report, network_output, view.eye)
+        redetected = self._redetect(FittedFrame(observation, posture, report, network_output))
         if redetected is not None:
             posture, report = redetected
             network_output = (
@@ -265,75 +243,14 @@ class Follower:
         other = fit(observation, wide, predicted=predicted, proportions=proportions)
         return other if other[1].energy < best[1].energy else best
 
-    def _try_redetection(
-        self,
-        observation: Observation,
-        posture: Posture,
-        report: FitReport,
-        network_output: EstimateAtPoints | None,
-        eye: Float,
-    ) -> tuple[Posture, FitReport] | None:
-        """Detects a doubtful person from scratch. Returns a fit only if it explains the frame much better.
-
-        A detection takes several frames. So a new one starts at most every second, less often while
-        detections fail, and never while the network agrees with the posture. The result belongs to an earlier
-        frame. So it is also fitted to this frame, and must explain this frame better, too.
-        """
-        self._since_detected += 1
-        height = self.settings.body_height
-        current_cost = total_fit_cost(report, posture, network_output, eye, height)
-        plain = observation.with_guides(_NO_AFFINITY, _NO_LANDMARKS)
-        # Start a detection if the tracking is doubtful and the waiting time is over.
-        if self._redetection is None:
-            if current_cost < _DOUBTFUL_COST or current_cost > _RESET_COST_RATIO * self._failed_cost:
-                self._wait = _FIRST_REDETECTION_FRAMES
-            is_doubtful = current_cost >= _DOUBTFUL_COST and self._since_detected >= self._wait
-            if not is_doubtful or _is_confirmed(posture, report, network_output):
-                return None
-            self._since_detected = 0
-            known_lengths = posture.lengths if self._fitted > _KNOWN_LENGTHS_FRAMES else None
-            steps = start_detection(self._fitter, plain, network_output, eye, height, posture, known_lengths)
-            redetection = (observation, network_output, posture, current_cost, known_lengths is not None)
-            self._redetection = Redetection(BudgetedTask(steps), *redetection)
-        under_way = self._redetection
-        if not under_way.task.advance(self.budget):
-            return None
-        self._redetection, detection = None, under_way.task.result
-        # Compare the detection with the fit, first in the frame in which the detection began, then in the
-        # present frame.
-        is_better = (
-            detection is not None
-            and total_fit_cost(detection[1], detection[0], under_way.network_output, eye, height)
-            <= _MAX_COST_RATIO * under_way.cost
-        )
-        if detection is not None and is_better and under_way.observation is not observation:
-            detection = self._carry_to_frame(
-                detection[0], posture.position - under_way.posture.position, plain
-            )
-            is_better = (
-                total_fit_cost(detection[1], detection[0], network_output, eye, height)
-                <= _MAX_COST_RATIO * current_cost
-            )
-        if not is_better:
-            self._wait = min(2 * self._wait, _MAX_REDETECTION_INTERVAL)
-            self._failed_cost = current_cost
-            return None
-        self._wait = _FIRST_REDETECTION_FRAMES
-        self._fitted = self._fitted if under_way.known else 0
-        self._recovery, self._facing = PoseRecovery(self._fitter), Facing()
-        return detection
-
-    def _carry_to_frame(
-        self, posture: Posture, step: Float, observation: Observation
-    ) -> tuple[Posture, FitReport]:
-        """Moves an earlier frame's posture by (3,) metres and fits it to this frame.
-
-        The first fit has a large robust width.
-        """
-        moved = posture.copy()
-        moved.position = moved.position + step
-        wide, _ = self._fitter.fit(observation, moved, width=_WIDE_WIDTH_M)
-        return self._fitter.fit(observation, wide)
+    def _redetect(self, frame: FittedFrame) -> Fit | None:
+        """Works on a redetection. If it succeeds, the decisions about the old posture are forgotten."""
+        lengths = frame.posture.lengths if self._fitted > _KNOWN_LENGTHS_FRAMES else None
+        fit = self._redetector.advance(frame, lengths, self.budget)
+        if fit is not None:
+            self._fitted = self._fitted if self._redetector.has_known_lengths else 0
+            self._recovery, self._facing = PoseRecovery(self._fitter), Facing()
+        return fit
 
     def _update_velocity(self, position: Float, time_ns: int) -> Float:
         """Returns the (3,) velocity of the hip centre, metres per second, averaged over the last frames."""
@@ -348,7 +265,7 @@ class Follower:
 
     def _count_bad_frame(self) -> bool:
         """Counts a bad frame. Always returns False."""
-        self._redetection = None
+        self._redetector.stop()
         self._bad_frames += 1
         self.lost = self._bad_frames > self.settings.lost_after
         return False
@@ -382,16 +299,3 @@ class Follower:
             return None
         firmness = settings.proportions * (1.0 + 30.0 * self._fitted / settings.settle_frames)
         return np.full(len(model.LENGTHS), firmness)
-
-
-def _is_confirmed(posture: Posture, report: FitReport, network_output: EstimateAtPoints | None) -> bool:
-    """Returns True if a posture explains most of the frame and the network agrees with it, except for one
-    limb.
-
-    A single wrong limb needs no detection, because :class:`PoseRecovery` tries limbs in other places. Of 227
-    detections that began in such frames of the tuning and close films, 12 were accepted. Six led to a better
-    and six to a worse posture, by a few centimetres at most.
-    """
-    if network_output is None or report.explained <= _DOUBTFUL_EXPLAINED:
-        return False
-    return network_output.estimate.count_disagreeing(posture.joints()) <= _LIMB_JOINTS

@@ -16,6 +16,8 @@ from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints
 from enliven_edge.tracking.detect.arm_recovery import ArmRecovery
 from enliven_edge.tracking.detect.arm_starts import ARM_JOINTS, arm_starts, densest_ball
+from enliven_edge.tracking.detect.fitted_frame import FittedFrame
+from enliven_edge.tracking.detect.proposals import Doubts
 from enliven_edge.tracking.detect.recovery import PoseRecovery
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import Observation
@@ -34,6 +36,7 @@ more.
 SAMPLED = 1e-4
 """Tolerance in metres: the nearest of 2,001 samples along an axis, and single precision."""
 SURE = np.ones(20)
+NO_DOUBTS = Doubts([], is_body_doubtful=False, has_disagreement=False, is_confirmed=True)
 
 
 def forearm_across(forward: float) -> Posture:
@@ -70,9 +73,9 @@ def test_an_arm_caught_in_the_trunk_comes_to_its_surface(told):
     assert off(posture) > LOST, "the fit alone found it: nothing had to be recovered"
     recovery = PoseRecovery(fitter)
     usual = fitter.fit(observed(forearm_across(0.0)), forearm_across(0.0))
-    recovery.reconsider(observed(forearm_across(0.0)), *usual, SURE, None)
+    recovery.reconsider(FittedFrame(observed(forearm_across(0.0)), *usual), SURE)
     for _ in range(FRAMES):
-        posture, report = recovery.reconsider(observation, posture, report, SURE, seen)
+        posture, report = recovery.reconsider(FittedFrame(observation, posture, report, seen), SURE)
         posture, report = fitter.fit(observation, posture, predicted=posture)
     assert off(posture) < FOUND
 
@@ -85,7 +88,7 @@ def test_usual_frame_gets_no_extra_arm_fit():
     seen = seen_as(estimate_of(posture.joints()), points, np.full((len(points), 17), 1 / 17))
     arms = ArmRecovery(fitter)
     for _ in range(3):
-        assert arms.try_arms(observation, posture, report, [], seen, steps=6) is None
+        assert arms.propose(FittedFrame(observation, posture, report, seen), NO_DOUBTS) is None
 
 
 def test_forearm_candidate_lies_along_unexplained_points():

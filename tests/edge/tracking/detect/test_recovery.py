@@ -15,7 +15,9 @@ from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.detect import recovery
 from enliven_edge.tracking.detect.appearance import flip_posture
-from enliven_edge.tracking.detect.recovery import PoseRecovery, propose_bodies
+from enliven_edge.tracking.detect.body_proposals import propose_bodies
+from enliven_edge.tracking.detect.fitted_frame import FittedFrame
+from enliven_edge.tracking.detect.recovery import PoseRecovery
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import Observation
 from enliven_edge.tracking.settings import FitSettings
@@ -53,7 +55,7 @@ def reconsidered(observation: Observation, start: Posture, seen) -> Posture:
     pose_recovery = PoseRecovery(fitter)
     posture, report = fitter.fit(observation, start)
     for _ in range(TURNS):
-        posture, report = pose_recovery.reconsider(observation, posture, report, SURE, seen)
+        posture, report = pose_recovery.reconsider(FittedFrame(observation, posture, report, seen), SURE)
     return posture
 
 
@@ -70,7 +72,8 @@ def test_well_fitted_person_is_not_changed():
     fitter, observation = Fitter(FitSettings()), observed(arm_out())
     posture, report = fitter.fit(observation, arm_out())
     sighting = seen_of(posture, observation)
-    recovered, same = PoseRecovery(fitter).reconsider(observation, posture, report, SURE, sighting)
+    frame = FittedFrame(observation, posture, report, sighting)
+    recovered, same = PoseRecovery(fitter).reconsider(frame, SURE)
     assert recovered is posture and same is report
 
 
@@ -149,5 +152,5 @@ def test_recovery_keeps_observed_limb_against_the_network(loses, kept, monkeypat
     sighting = seen_of(standing(), observation)
     sure = replace(sighting, estimate=replace(sighting.estimate, expected_errors=np.full(20, 0.01)))
     misled = replace(observation, landmarks=sure.estimate.landmarks)
-    recovered, _ = PoseRecovery(fitter).reconsider(misled, posture, report, SURE, sure)
+    recovered, _ = PoseRecovery(fitter).reconsider(FittedFrame(misled, posture, report, sure), SURE)
     assert (off(recovered, arm_out(), LEFT_ARM) < 0.1) == kept

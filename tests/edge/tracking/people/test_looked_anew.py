@@ -14,7 +14,7 @@ from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
-from enliven_edge.tracking.people import follower, redetection
+from enliven_edge.tracking.people import redetection
 from enliven_edge.tracking.people.follower import Follower
 from enliven_edge.tracking.settings import FitSettings, TrackerSettings
 
@@ -55,7 +55,7 @@ def looks(scene, monkeypatch):
 
         monkeypatch.setattr(redetection, "detect_another", detect_another)
         for frame in range(frames):
-            monkeypatch.setattr(follower, "_DOUBTFUL_COST", -np.inf if doubtful(frame) else np.inf)
+            monkeypatch.setattr(redetection, "_DOUBTFUL_COST", -np.inf if doubtful(frame) else np.inf)
             moment = replace(view, time_ns=frame * 33_333_333)
             assert someone.follow(moment, mask)
         return searches
