@@ -92,7 +92,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
                     workspace.actions.recent,
                 ]
                 state.append(imgui.get_io().want_text_input)
-                report["missing"] = [what, perform.sender.states, toasts, state]
+                report["missing"] = [what, perform.staged.sender.states, toasts, state]
                 raise TimeoutError(what)
             ctx.yield_()
             time.sleep(PAUSE)
@@ -123,7 +123,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     shot("held")
     close_by(ctx, window, until, shot)
     click("waits arm")
-    retry = lambda: None if perform.sender.states.get("arm") else click("put")  # noqa: E731
+    retry = lambda: None if perform.staged.sender.states.get("arm") else click("put")  # noqa: E731
     until(lambda: "arm" in perform.stage_ids, "the arm on the stage", retry)
     tall = np.ptp(perform.live.document.characters["arm"].vertices[:, 1])
     editor.edit("scale arm", lambda project: scale_character(project, "arm", 1.25))
@@ -201,7 +201,10 @@ def layered(
     """
     editor, perform = window.workspace.editor, window.workspace.state(PerformSession)
     editor.select_only("arm")
-    until(lambda: perform.sender.states.get("arm") == "on the stage" and perform.target == "arm", "the arm")
+    until(
+        lambda: perform.staged.sender.states.get("arm") == "on the stage" and perform.target == "arm",
+        "the arm",
+    )
     live, counts, shown = perform.live, [], list[object]()
     assert live is not None
     live.choose_parts(PART_CHOICES.index("legs"))

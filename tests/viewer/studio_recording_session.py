@@ -150,7 +150,7 @@ def characters_come(ctx, window, until, places) -> list[object]:
     workspace.editor.select_only("arm")
     seen.append(places(()))
     report["lines"] = [workspace.widgets["waits arm"]]
-    perform.put_on_stage()
+    perform.staged.put_selected()
     seen.append(places(()))
     until(lambda: "arm" in perform.stage_ids, "the arm on the stage")
     seen.append(places(()))
@@ -161,7 +161,7 @@ def characters_come(ctx, window, until, places) -> list[object]:
     seen.append(places(()))
     report["lines"].append(workspace.widgets["stands arm"])
     for name in ("visitor", "arm"):
-        perform.remove_from_stage(name)
+        perform.staged.remove(name)
     until(lambda: perform.stage_ids == ("chair",), "the chair alone")
     workspace.editor.edit("remove", lambda project: project.drop_character("arm"))
     return [*seen, places(())]

@@ -77,7 +77,7 @@ def _sitting(workspace: Workspace, edge: RealEdge) -> Actions:
     yield from _seat_cactus(workspace)
     yield Say("Perform again, on what came of the two")
     yield Key("ctrl+enter")
-    states = workspace.state(PerformSession).sender.states
+    states = workspace.state(PerformSession).staged.sender.states
     yield from until(lambda: states.get("chair") == "on the stage", "it on the stage")
     yield Key("ctrl+1")
     yield Key("home")

@@ -36,9 +36,9 @@ def test_characters_of_a_local_stage_move_to_the_next_stage(tmp_path):
     perform = PerformSession(editor, tmp_path)
     perform.connect_local("--sensor", "kinekt")
     add_sample(editor, "chair")
-    perform.sender.mark_sent("chair", editor.project.character("chair"))
-    assert not perform.waiting_characters
+    perform.staged.sender.mark_sent("chair", editor.project.character("chair"))
+    assert not perform.staged.waiting
     perform.disconnect()
-    assert perform.waiting_characters == ("chair",)
+    assert perform.staged.waiting == ("chair",)
     perform.disconnect()
-    assert perform.waiting_characters == ("chair",), "leaving again changes nothing"
+    assert perform.staged.waiting == ("chair",), "leaving again changes nothing"

@@ -143,15 +143,15 @@ PERFORM_ACTIONS = (
     PerformAction(
         "Put the chosen character on the stage",
         "ctrl+enter",
-        PerformSession.put_on_stage,
-        why_not=PerformSession.describe_missing_to_put,
+        lambda session: session.staged.put_selected(),
+        why_not=lambda session: session.staged.describe_missing_to_put(),
         apart=True,
     ),
     PerformAction(
         "Remove the character from the stage",
         "",
-        PerformSession.remove_from_stage,
-        why_not=PerformSession.describe_missing_to_take_off,
+        lambda session: session.staged.remove(),
+        why_not=lambda session: session.staged.describe_missing_to_remove(),
     ),
     PerformAction(
         "Record, or end the recording",

@@ -82,7 +82,7 @@ class StageOverlays:
     def put(self, name: str) -> None:
         """Puts a character on the stage, or on the next connected stage, and shows the Perform workspace."""
         self._app.tabs.active = "Perform"
-        self._perform.put_when_ready(name)
+        self._perform.staged.put_when_ready(name)
 
     def advance(self) -> None:
         """Advances the link to the stage, and the idle loop. Call once per frame."""

@@ -349,14 +349,14 @@ def _draw_characters(app: App, perform: PerformSession) -> None:
     app.remember("characters")
     _scroll_to_list(app)
     chosen = editor.selection.character
-    state = perform.sender.states.get(chosen or "", "")
+    state = perform.staged.sender.states.get(chosen or "", "")
     can_put = chosen in project_names and chosen not in perform.stage_ids and not state.startswith("being")
     imgui.begin_disabled(not can_put)
     label = tr("Put {0} on the stage", chosen) if can_put else tr("Put the character on the stage")
     if imgui.button(
         labelled(shorten_text(label, imgui.get_content_region_avail().x - 16), "put"), _FULL_WIDTH
     ):
-        perform.put_on_stage()
+        perform.staged.put_selected()
     imgui.end_disabled()
     app.remember("put")
     draw_tooltip("A performer can then possess the character. It follows every edit  (Ctrl+Enter)")
@@ -382,7 +382,7 @@ def _draw_character(app: App, perform: PerformSession, name: str, available_widt
     """
     standing = name in perform.stage_ids
     is_in_project, flags = name in app.editor.project.characters, imgui.SelectableFlags_.allow_overlap
-    state = perform.sender.states.get(name, "")
+    state = perform.staged.sender.states.get(name, "")
     if standing:
         state_text = (
             tr("in use") if any(holder.character == name for holder in perform.holders) else tr("free")
@@ -400,7 +400,7 @@ def _draw_character(app: App, perform: PerformSession, name: str, available_widt
     if can_remove:
         imgui.same_line(available_width - _REMOVE_WIDTH)
         if imgui.small_button(labelled(tr("Remove"), f"remove {name}")):
-            perform.remove_from_stage(name)
+            perform.staged.remove(name)
         app.remember(f"remove {name}")
 
 

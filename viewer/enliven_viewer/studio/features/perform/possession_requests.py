@@ -14,7 +14,7 @@ from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.edge_connection import NO_ANSWER_TEXT
 from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.features.perform.stage_sender import StageSender
+from enliven_viewer.studio.features.perform.staged_characters import StagedCharacters
 
 MAX_WAIT_S = 120.0
 """Maximum seconds that a press waits for a stage, a character or a performer. The first start compiles
@@ -36,7 +36,7 @@ class FollowedStage(Protocol):
 
     editor: Editor
     live: LiveStage | None
-    sender: StageSender
+    staged: StagedCharacters
     stage_selection: str
 
     @property
@@ -156,7 +156,7 @@ class PossessionRequests:
             is_coming = press.is_accepted or (live.is_local and not len(live.document.timeline))
             return "" if is_coming else stage.describe_missing_edge()
         name, phase = press.character, self._scan_message.phase
-        state = stage.sender.states.get(name, "")
+        state = stage.staged.sender.states.get(name, "")
         if state.startswith("refused"):
             return tr("{0} cannot be put on the stage. {1}", name, state.removeprefix("refused: "))
         if phase in ("scanning", "paused"):
@@ -173,7 +173,7 @@ class PossessionRequests:
                 else tr("The chosen shape has no surface, so it cannot be possessed")
             )
         is_known = stage.client is not None and stage.client.edges[0].has_all_characters
-        is_coming = bool(stage.sender.states) or press.of_scan or phase == "finishing" or not is_known
+        is_coming = bool(stage.staged.sender.states) or press.of_scan or phase == "finishing" or not is_known
         nothing = tr("The stage has no character. Choose a character, and put it on the stage")
         return "" if stage.stage_ids or is_coming else nothing
 
@@ -213,8 +213,8 @@ class PossessionRequests:
             stage.stage_ids and name not in project_characters and not press.of_scan
         ):
             return ""
-        if name in project_characters and name not in stage.sender.states and stage.client is not None:
-            stage.sender.send(stage.client.stage, stage.editor.project, name)
+        if name in project_characters and name not in stage.staged.sender.states and stage.client is not None:
+            stage.staged.sender.send(stage.client.stage, stage.editor.project, name)
         return (
             tr("{0} is being prepared for the stage", name)
             if name

@@ -33,8 +33,8 @@ from enliven_viewer.studio.features.perform.possession_requests import Possessio
 from enliven_viewer.studio.features.perform.recorder import Holder, LiveRecorder
 from enliven_viewer.studio.features.perform.recording import StageRecording
 from enliven_viewer.studio.features.perform.secondary_edges import SecondaryEdge
-from enliven_viewer.studio.features.perform.stage_sender import StageSender
 from enliven_viewer.studio.features.perform.stage_switches import StagePhysics, StageVoice
+from enliven_viewer.studio.features.perform.staged_characters import StagedCharacters
 
 
 class PerformSession:
@@ -52,6 +52,7 @@ class PerformSession:
         stage_selection: the character selected in the stage's list, if it is not in the project.
         recording: records from the stage onto the timeline.
         secondary_edges: secondary edges, which are shown and recorded too.
+        staged: the project's characters on the stage.
         sizes: sizes of the characters on the stage.
         possession_requests: handles requests to possess a character, now or as soon as possible.
         voice: spoken commands.
@@ -77,13 +78,13 @@ class PerformSession:
                 editor,
                 lambda: self.live,
                 lambda: self.connected,
-                self._check_availability,
+                self.check_availability,
                 self.describe_missing_edge,
             ),
             self.secondary_edges,
         )
         self.close_up = CloseUp(editor)
-        self.sender, self.sizes = StageSender(editor.toasts.show_message), CharacterSizes(editor)
+        self.staged, self.sizes = StagedCharacters(self), CharacterSizes(editor)
         self.voice, self.physics = StageVoice(editor), StagePhysics(editor)
         self.possession_requests = PossessionRequests(self)
         self.address, self.cameras, self.edge_search = "", CameraSearch(), EdgeSearch()
@@ -92,7 +93,6 @@ class PerformSession:
         self._feed: EdgeFeed | None = None
         self._local_edge: LocalEdge | None = None
         self._framed_objects: tuple[str, ...] = ()
-        self._awaiting_stage: tuple[str, ...] = ()  # Characters that wait for a stage.
 
     @property
     def active_workspace(self) -> str:
@@ -208,8 +208,7 @@ class PerformSession:
         """
         self.recording.stop()
         if self._local_edge is not None:
-            stood = (name for name, state in self.sender.states.items() if not state.startswith("refused"))
-            self._awaiting_stage = tuple(dict.fromkeys((*self._awaiting_stage, *stood)))
+            self.staged.keep_for_next_stage()
         self.cameras.close()
         self.edge_search.close()
         for guest in self.secondary_edges:
@@ -224,7 +223,7 @@ class PerformSession:
         self.close_up.advance(0.0, None, None)
         self.stage_selection = ""
         self.editor.live_box = None
-        self.sender.forget()
+        self.staged.sender.forget()
         self.sizes.forget()
         self.possession_requests.forget()
         self.voice.forget()
@@ -316,8 +315,7 @@ class PerformSession:
         self._watch_edge()
         if self._client is not None:
             if self.editor.draft is None:
-                self._put_awaited()
-                self.sender.advance(self._client.stage, self.editor.project)
+                self.staged.advance()
             self.recording.advance(seconds)
             self.sizes.advance(self._client, self.stage_ids)
             self.voice.advance(self._client, is_near=self.live is not None and self.live.is_local)
@@ -369,8 +367,7 @@ class PerformSession:
         Follows its new clock, and puts the characters on its empty stage again.
         """
         self.recording.recorder.handle_restart()
-        if self._client is not None:
-            self.sender.send_all_again(self._client.stage, self.editor.project)
+        self.staged.send_all_again()
 
     def _handle_message(self, topic: Topic, value: Any) -> None:
         """Handles commands from a pedal or the microphone, and passes all other messages to the recorder."""
@@ -381,7 +378,7 @@ class PerformSession:
         elif value.word == "record" or self.recording.phase != "idle":
             self.recording.toggle()
 
-    # Characters on the stage ------------------------------------------------------------------------------
+    # What is missing --------------------------------------------------------------------------------------
 
     def describe_missing_edge(self) -> str:
         """Returns the reason why no edge can be used, with advice, or an empty text if an edge
@@ -412,67 +409,7 @@ class PerformSession:
         last = self.recording.last_recording or self.recording.phase == "recording"
         return self.describe_missing_edge() or ("" if last else "Nothing was recorded yet. Record first")
 
-    def describe_missing_to_put(self) -> str:
-        """Returns the reason why the selected character cannot be put on the stage, with advice. The text is
-        empty if it can.
-        """
-        character = self.editor.find_selected()
-        if character is None:
-            return (
-                self.describe_missing_edge()
-                or "Nothing is chosen. Click the character that you want to put on the stage"
-            )
-        no_surface_text = (
-            "The chosen shape has no surface, so it cannot be possessed" if character.mesh is None else ""
-        )
-        return self.describe_missing_edge() or no_surface_text
-
-    def describe_missing_to_take_off(self) -> str:
-        """Returns the reason why the selected character cannot leave the stage, with advice, or an empty
-        text if it can.
-        """
-        is_on_stage = self.editor.selection.character in self.stage_ids
-        return self.describe_missing_edge() or (
-            "" if is_on_stage else "The chosen character is not on the stage. Choose a character on the stage"
-        )
-
-    def put_on_stage(self) -> None:
-        """Puts the selected character on the stage, where it follows every edit."""
-        if self._check_availability(self.describe_missing_to_put()) and self.stage is not None:
-            self.sender.send(self.stage, self.editor.project, self.editor.selection.character or "")
-
-    def put_when_ready(self, name: str) -> None:
-        """Puts a character on the stage, or on the next connected stage if there is none now."""
-        self._awaiting_stage = (*(other for other in self._awaiting_stage if other != name), name)
-        if not self.connected:
-            message = tr("{0} will be put on the stage once a stage is connected", name)
-            self.editor.toasts.show_message(
-                message, tr("Connect to a camera or to a recorded person in the panel at the right.")
-            )
-
-    @property
-    def waiting_characters(self) -> tuple[str, ...]:
-        """Returns the characters that wait for the next stage."""
-        return self._awaiting_stage
-
-    def _put_awaited(self) -> None:
-        """Puts the waiting characters on the stage."""
-        if not self.connected or self.stage is None:
-            return
-        names, self._awaiting_stage = self._awaiting_stage, ()
-        for name in names:
-            if name in self.editor.project.characters and name not in self.stage_ids:
-                self.sender.send(self.stage, self.editor.project, name)
-
-    def remove_from_stage(self, name: str = "") -> None:
-        """Removes a character from the stage, by default the selected character."""
-        if (
-            self._check_availability("" if name else self.describe_missing_to_take_off())
-            and self.stage is not None
-        ):
-            self.sender.remove(self.stage, name or self.editor.selection.character or "")
-
-    def _check_availability(self, lacking: str) -> bool:
+    def check_availability(self, lacking: str) -> bool:
         """Returns True if ``lacking`` is empty. Otherwise shows it as a message."""
         if lacking:
             self.editor.toasts.show_message(*tr(lacking).split(". "))

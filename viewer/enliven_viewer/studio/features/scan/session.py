@@ -292,7 +292,7 @@ class ScanSession:
             lambda project: project.with_streams(*scan_project.streams.values()).with_characters(shape),
         ):
             return
-        self.perform.sender.mark_sent(name, self.editor.project.characters[name])
+        self.perform.staged.sender.mark_sent(name, self.editor.project.characters[name])
         self.editor.select_only(name)
         self.editor.frame_all()
         self.is_shown = False
