@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import logging
 import os
-import signal
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -14,25 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from enliven.commands.part_names import check_parts
-from enliven.errors import InputError
 from enliven.files import require_folder
 from enliven.settings import load_settings
-from enliven.supervision.notify import Notifier
 
 if TYPE_CHECKING:
-    from enliven.document import Character
-    from enliven.possession import Actor
-    from enliven_edge.fusion.live.fused_sensor import FusedSensors
-    from enliven_edge.kept_stage.keeper import StageKeeper
-    from enliven_edge.landmarks.colour_pose import ColourPoseEstimator
-    from enliven_edge.network.access import Access
-    from enliven_edge.physics.playground import Playground
-    from enliven_edge.physics.settings import PhysicsSettings
-    from enliven_edge.sensors import Sensor
-    from enliven_edge.settings import CharacterChoice, EdgeSettings
+    from enliven_edge.settings import EdgeSettings
     from enliven_edge.sources import Source
-
-log = logging.getLogger(__name__)
 
 
 def edge(
@@ -167,6 +151,7 @@ def edge(
     _limit_blas_threads()
     require_folder(record)
     from enliven.outputs.settings import collect_output_settings
+    from enliven_edge.commands.serving import EdgeJob, serve
     from enliven_edge.kept_stage.folder import stage_folder
     from enliven_edge.network.access import open_access
     from enliven_edge.network.tcp_listener import raise_descriptor_limit
@@ -198,9 +183,24 @@ def edge(
         edge_settings = dataclasses.replace(edge_settings, space=str(space))
     elif edge_settings.space and folder is not None:
         edge_settings = dataclasses.replace(edge_settings, space=str(folder / edge_settings.space))
-    run_options = (characters, possess_at, record, overwrite, wait_for_viewer, seconds)
     stage_path = stage_folder(keep_stage, edge_settings.stage.keep, folder, edge_settings.wire.name)
-    serve(edge_settings, source, run_options, folder, once, wait_for_sensor, access, stage_path)
+    serve(
+        EdgeJob(
+            settings=edge_settings,
+            sources=source,
+            characters=characters,
+            access=access,
+            folder=folder,
+            stage_folder=stage_path,
+            record=record,
+            overwrite=overwrite,
+            possess_at=possess_at,
+            viewer_timeout=wait_for_viewer,
+            stop_after=seconds,
+            once=once,
+            wait_for_sensor=wait_for_sensor,
+        )
+    )
 
 
 def _limit_blas_threads() -> None:
@@ -211,183 +211,6 @@ def _limit_blas_threads() -> None:
     """
     if "numpy" not in sys.modules:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
-
-def serve(
-    edge_settings: EdgeSettings,
-    sources: list[Source],
-    run_options: tuple[list[CharacterChoice], float | None, Path | None, bool, float, float | None],
-    folder: Path | None = None,
-    once: bool = False,
-    wait_for_sensor: bool = False,
-    access: Access | None = None,
-    kept: Path | None = None,
-) -> None:
-    """Opens the sensors and the stage, runs the loop, and closes everything.
-
-    Heavy modules are imported only in this function.
-    """
-    from enliven.doctor import need
-    from enliven.outputs.opening import open_outputs
-    from enliven_edge.camera_preview import PRIVACY_NOTE
-    from enliven_edge.character_upload import CharacterUploads
-    from enliven_edge.commands.preparation import prepare_actors
-    from enliven_edge.commands.progress import handle_signals
-    from enliven_edge.controls.control_set import open_controls
-    from enliven_edge.live_outputs import LiveOutputs
-    from enliven_edge.liveness import MAX_OPENING_S, MAX_PREPARATION_S, ProgressReporter, extend_start_timeout
-    from enliven_edge.network.announcing import announce
-    from enliven_edge.network.outlet import Outlet, check_free
-    from enliven_edge.network.tcp_listener import is_local
-    from enliven_edge.physics.switch import PhysicsSwitch
-    from enliven_edge.scans import Scans
-    from enliven_edge.service import Edge
-    from enliven_edge.sources import open_sources
-    from enliven_edge.stage.stage import Stage
-    from enliven_edge.tracking.health.health import HealthMonitor
-    from enliven_edge.tracking.settings import without_deadline
-    from enliven_edge.tracking.tracker import Tracker
-
-    characters, possess_at, record, overwrite, viewer_timeout, seconds = run_options
-    if edge_settings.physics.world != "none":
-        need("mujoco", "physics", "--physics")
-    check_free(edge_settings.wire, access)
-    outputs = LiveOutputs(open_outputs(edge_settings.outputs, folder, insecure=edge_settings.wire.insecure))
-    notifier = Notifier()
-    with outputs, handle_signals(_raise_interrupt, signal.SIGTERM), contextlib.ExitStack() as stack:
-        hides_talk = edge_settings.wire.insecure or not is_local(edge_settings.wire.host)
-        controls = stack.enter_context(open_controls(edge_settings.controls, folder, hides_talk=hides_talk))
-        with extend_start_timeout(notifier, MAX_OPENING_S):
-            sensors = open_sources(sources, stack, wait_for_sensor, edge_settings.sensor.power_cycle)
-        is_live = any(source.sensor != "replay" for source in sources)
-        if not is_live:
-            edge_settings = dataclasses.replace(
-                edge_settings, tracker=without_deadline(edge_settings.tracker)
-            )
-        with extend_start_timeout(notifier, MAX_PREPARATION_S):
-            sensor = stack.enter_context(_combine_sensors(sensors, sources, edge_settings, once))
-            actors, parts = prepare_actors(characters, edge_settings)
-            keeper = None if kept is None else _open_keeper(kept, characters, actors, edge_settings, stack)
-            if keeper is not None:
-                actors = [actor for actor in actors if not keeper.is_removed(actor.character.id)]
-            shapes = [actor.character for actor in actors]
-            playground = _create_playground(edge_settings.physics, shapes, is_live)
-        outlet = stack.enter_context(
-            Outlet(
-                edge_settings.wire,
-                sensor.name,
-                record=record,
-                overwrite=overwrite,
-                access=access,
-                recording=edge_settings.recording,
-                # An operator is told immediately that the disk is full. An unattended edge must continue to
-                # perform.
-                waits_for_space=notifier.is_supervised,
-            )
-        )
-        progress = stack.enter_context(
-            ProgressReporter(notifier, edge_settings.wire.name, lambda: outlet.publisher.status)
-        )
-        stage = Stage(actors, edge_settings.stage)
-        outputs.check(stage)
-        service = Edge(
-            sensor,
-            Tracker(edge_settings.tracker, _open_colour_estimator(edge_settings, stack)),
-            stage,
-            outlet,
-            uploads=CharacterUploads(stage, edge_settings),
-            scans=Scans(stage, edge_settings),
-            possess_at=possess_at,
-            parts=parts,
-            stop_after=seconds,
-            physics=PhysicsSwitch(edge_settings.physics, live=is_live, playground=playground),
-            controls=controls,
-            outputs=outputs,
-            once=once,
-            progress=progress,
-            keeper=keeper,
-            health=HealthMonitor(edge_settings.health, fps=sensor.fps, far=edge_settings.tracker.scene.far),
-        )
-        if keeper is not None:
-            with extend_start_timeout(notifier, MAX_PREPARATION_S):
-                keeper.restore(service)
-        controls.forget()
-        with handle_signals(service.stop, signal.SIGINT, signal.SIGTERM):
-            log.info(
-                "%s listens on %s for %s", edge_settings.wire.name, outlet.publisher.endpoint, sensor.name
-            )
-            if outlet.tells_picture:
-                log.info("%s", PRIVACY_NOTE)
-            outlet.announcer = announce(
-                *(edge_settings.wire, outlet.publisher.endpoint),
-                has_keys=access is not None,
-                characters=len(actors),
-            )
-            if access is not None:
-                access.open_pairing()
-            if viewer_timeout:
-                with extend_start_timeout(notifier, viewer_timeout + 1.0):
-                    service.wait_for_viewer(viewer_timeout)
-            service.run()
-        outlet.end(service.pace)
-        log.info("%d frames, %.1f ms at the median", service.frames, service.pace.latency_ms(50))
-
-
-def _open_keeper(
-    folder: Path,
-    choices: list[CharacterChoice],
-    actors: list[Actor],
-    edge_settings: EdgeSettings,
-    stack: contextlib.ExitStack,
-) -> StageKeeper:
-    """Returns the keeper that saves the stage to disk. ``stack`` closes it.
-
-    Args:
-        actors: the initial actors, in the order of ``choices``.
-    """
-    from enliven_edge.kept_stage.folder import StageFolder
-    from enliven_edge.kept_stage.keeper import StageKeeper
-
-    meshes = {actor.character.id: choice.mesh for actor, (_, choice) in zip(actors, choices, strict=True)}
-    return stack.enter_context(StageKeeper(StageFolder(folder), meshes, edge_settings))
-
-
-def _raise_interrupt() -> None:
-    """Raises KeyboardInterrupt. SIGTERM during the preparation then closes everything that was opened, like
-    Ctrl-C.
-    """
-    raise KeyboardInterrupt
-
-
-def _open_colour_estimator(
-    edge_settings: EdgeSettings, stack: contextlib.ExitStack
-) -> ColourPoseEstimator | None:
-    """Returns the estimator of bodies from colour images, or None if the settings do not use it."""
-    if not edge_settings.colour.use:
-        return None
-    from enliven_edge.landmarks.colour_pose import ColourPoseEstimator
-    from enliven_edge.landmarks.source import MediaPipeSource
-
-    return ColourPoseEstimator(
-        stack.enter_context(MediaPipeSource(edge_settings.colour.mediapipe)), edge_settings.colour.lift
-    )
-
-
-def _create_playground(
-    physics_settings: PhysicsSettings, characters: list[Character], is_live: bool
-) -> Playground | None:
-    """Returns the physics world, ready for the first frame, or None. It is deterministic for recordings."""
-    if physics_settings.world == "none":
-        return None
-    from enliven_edge.physics.playground import Playground
-
-    if not is_live:
-        physics_settings = dataclasses.replace(
-            physics_settings, engine=dataclasses.replace(physics_settings.engine, budget=0.0)
-        )
-    playground = Playground(physics_settings, characters)
-    playground.warm_up()
-    return playground
 
 
 def _load_edge_settings(path: Path | None, **overrides: str | int | bool | None) -> EdgeSettings:
@@ -430,42 +253,3 @@ def _select_sources(
         return sources_from_settings(edge_settings.sensors, folder)
     names = names or [str(find_shipped_recording())]
     return [parse_source(name, sensor_options(options), replay) for name in names]
-
-
-def _combine_sensors(
-    sensors: dict[str, Sensor], sources: list[Source], edge_settings: EdgeSettings, once: bool
-) -> Sensor:
-    """Returns the single sensor, or one sensor that fuses several sensors and delivers bodies."""
-    if len(sensors) == 1:
-        return next(iter(sensors.values()))
-    if not edge_settings.space:
-        raise InputError(
-            "several sensors need a file with their poses",
-            where="edge",
-            remedy="Run enliven calibrate ... -o space.toml. Then start the edge with --space space.toml.",
-        )
-    return _fuse_sensors(sources, sensors, edge_settings, once)
-
-
-def _fuse_sensors(
-    sources: list[Source], sensors: dict[str, Sensor], edge_settings: EdgeSettings, once: bool
-) -> FusedSensors:
-    """Returns a sensor that fuses several sensors and delivers bodies."""
-    from enliven.space.space_file import load_space
-    from enliven_edge.fusion.live.fused_sensor import FusedSensors
-    from enliven_edge.fusion.live.fuser import warm_up_fusion
-    from enliven_edge.fusion.live.merge import settings_before_fusion
-    from enliven_edge.tracking.health.health import HealthMonitor
-    from enliven_edge.tracking.tracker import Tracker
-
-    trackers, health = {}, {}
-    for source, (name, sensor) in zip(sources, sensors.items(), strict=True):
-        scene = source.scene or edge_settings.tracker.scene
-        trackers[name] = Tracker(
-            settings_before_fusion(dataclasses.replace(edge_settings.tracker, scene=scene))
-        )
-        fps = sensor.fps
-        health[name] = HealthMonitor(edge_settings.health, fps=fps, far=scene.far, name=name)
-    warm_up_fusion()
-    space = load_space(Path(edge_settings.space))
-    return FusedSensors(sensors, trackers, space, edge_settings.fusion, health, once)
