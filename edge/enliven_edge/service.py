@@ -118,7 +118,7 @@ class Edge:
                 self.step(frame)
             else:
                 self._wait()
-            self._poll_requests()
+            self.poll_requests()
             self._end_iteration()
         self.scans.close()
 
@@ -139,7 +139,7 @@ class Edge:
             if time.monotonic() > deadline:
                 log.warning("no viewer connected within %.0f s, so the edge starts without a viewer", seconds)
                 return
-            self._poll_requests()
+            self.poll_requests()
             time.sleep(0.02)
 
     def step(self, frame: Frame) -> None:
@@ -156,7 +156,7 @@ class Edge:
         self.tracker.output.latency = self.pace.latency_ms(50) * 1e-3
         bodies = [] if self.scans.is_active else round_to_wire(self.tracker.track(frame))
         while not self.scans.offer_frame(frame, waits=self.sensor.recorded):
-            self._poll_requests()
+            self.poll_requests()
         self.sizing.follow(bodies, frame.time_ns)
         poses = self.stage.perform(bodies, frame.time_ns, self.tracker.surfaces)
         tick = self._add_props(self.stage.tick(frame, poses, frame.read_ns or read_ns))
@@ -268,7 +268,7 @@ class Edge:
             [*self.health.states, *self.sensor.health_states, *self.outputs.health_states]
         )
 
-    def _poll_requests(self) -> None:
+    def poll_requests(self) -> None:
         """Carries out the requests of viewers and controls. Answers a failed request with the reason."""
         self.controls.apply_commands(
             self.stage, self.carry_out, self._send_call, lambda message: self.outlet.send(message, 0)

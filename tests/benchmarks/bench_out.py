@@ -209,7 +209,7 @@ def _step_seconds(frames: list[DepthFrame], schemes: tuple[str, ...], rate: floa
             if begin > start + (number + 1) / rate and math.isfinite(rate):
                 continue
             edge.step(frame)
-            edge._poll_requests()
+            edge.poll_requests()
             if number >= FRAMES // 4:
                 seconds.append(time.perf_counter() - begin)
         return seconds

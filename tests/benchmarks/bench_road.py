@@ -102,5 +102,5 @@ def _perform_road(edge: Edge, frames: list[DepthFrame]) -> tuple[list[float], fl
         edge.step(frame)
         if i >= WARM:
             latencies.append(1e3 * (time.perf_counter() - start))
-        edge._poll_requests()
+        edge.poll_requests()
     return latencies, time.perf_counter() - begin, sizes

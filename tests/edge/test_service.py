@@ -70,13 +70,13 @@ def serve(frames, outlet, tracker=None, **health) -> list[set[str]]:
     monitor = HealthMonitor(HealthSettings(**health), fps=30.0)
     edge = Edge(Frames(frames), Tracker(tracker), Stage([]), outlet, health=monitor)
     reported: list[set[str]] = []
-    listen = edge._poll_requests
+    listen = edge.poll_requests
 
     def heard() -> None:
         reported.append({state.kind for state in outlet.publisher.status.health})
         listen()
 
-    edge._poll_requests = heard
+    edge.poll_requests = heard
     edge.run()
     return reported
 
@@ -132,7 +132,7 @@ def test_request_makes_the_edge_learn_the_room_again(outlet):
         frames = [sensor.read() for _ in range(120)]
     edge = Edge(Frames(frames), Tracker(), Stage([]), outlet, health=HealthMonitor(fps=30.0))
     reported = []
-    listen = edge._poll_requests
+    listen = edge.poll_requests
 
     def heard() -> None:
         reported.append(HealthKind.LEARNING_ROOM in {state.kind for state in edge.health.states})
@@ -140,7 +140,7 @@ def test_request_makes_the_edge_learn_the_room_again(outlet):
             assert isinstance(edge.handlers[LearnRoom].apply(LearnRoom()), Done)
         listen()
 
-    edge._poll_requests = heard
+    edge.poll_requests = heard
     edge.run()
     assert reported[10] and not any(reported[80:90]) and reported[100]
 

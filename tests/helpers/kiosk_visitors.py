@@ -154,7 +154,7 @@ class StagedKiosk:
             frame = None
         if frame is not None:
             self.edge.step(frame)
-        self.edge._poll_requests()
+        self.edge.poll_requests()
         time.sleep(0.002)  # lets the messages pass through the loopback interface
 
     def close(self) -> None:

@@ -72,7 +72,7 @@ class ScanningEdge:
                 f"{what}: it never came to be, after {self.get_scan_message() if self.viewers else 'nothing'}"
             )
             self.edge._wait()
-            self.edge._poll_requests()
+            self.edge.poll_requests()
             self.poll()
             time.sleep(0.002)
 

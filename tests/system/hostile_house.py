@@ -66,7 +66,7 @@ class House:
         """Runs one frame of the edge with the current people in view."""
         self.time_ns += FRAME_NS
         self.edge.step(BodyFrame(self.people, self.time_ns, "given"))
-        self.edge._poll_requests()
+        self.edge.poll_requests()
 
     def visitor(self, keys: ClientKeys | None = None) -> Visitor:
         """Opens a new connection to the control port."""

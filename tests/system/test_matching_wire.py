@@ -73,7 +73,7 @@ class House:
         frame = self.sensor.read()
         assert frame is not None
         self.edge.step(frame)
-        self.edge._poll_requests()
+        self.edge.poll_requests()
         self.feed.poll(self.document)
         self.live.scene = make_scene(self.document, self.live.playhead.moment(), self.live.style)
         self.live.report_view(self.camera.view(1.0))

@@ -72,7 +72,7 @@ class House:
         frame = self.edge.sensor.read()
         assert frame is not None
         self.edge.step(frame)
-        self.edge._poll_requests()
+        self.edge.poll_requests()
         self.feed.poll(self.document)
         self.live.scene = make_scene(self.document, self.live.playhead.moment(), self.live.style)
         time.sleep(0.002)
@@ -151,7 +151,7 @@ def test_key_locks_and_unlocks_tracked_people(house: House) -> None:
     house.edge.tracker = Tracker()  # no frame has been read yet
     tracker, silent = (
         house.edge.tracker,
-        lambda: (house.edge._poll_requests(), house.feed.poll(house.document)),
+        lambda: (house.edge.poll_requests(), house.feed.poll(house.document)),
     )
     for wanted, ids in ((True, frozenset()), (False, None)):
         house.live.toggle_lock()

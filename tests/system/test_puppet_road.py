@@ -86,7 +86,7 @@ class House:
         frame = self.sensor.read()
         assert frame is not None
         self.edge.step(frame)
-        self.edge._poll_requests()
+        self.edge.poll_requests()
         self.feed.poll(self.document)
         moment, style = self.live.playhead.moment(), self.live.style
         self.live.scene = make_scene(self.document, moment, style, self.surfaces)

@@ -126,14 +126,14 @@ def test_a_new_request_reaches_its_handler_and_without_one_it_is_refused(wind: T
     with outlet_of(tmp_path / "take.mcap") as outlet:
         edge, asked, replies = Edge(Nobody(), Tracker(), Stage([]), outlet), [], []
         link = EdgeClient([outlet.publisher.endpoint])
-        until(lambda: link.status, link.poll, edge._poll_requests)
+        until(lambda: link.status, link.poll, edge.poll_requests)
         link.ask(Blow(1.0), replies.append)
-        until(lambda: replies, link.poll, edge._poll_requests)
+        until(lambda: replies, link.poll, edge.poll_requests)
         assert isinstance(replies.pop(), Refused) and not asked
         edge.handlers[Blow] = Handler(asked.append, newest=lambda order: "wind")
         for speed in range(5):
             link.ask(Blow(float(speed)), replies.append)
-        until(lambda: len(replies) == 5, link.poll, edge._poll_requests)
+        until(lambda: len(replies) == 5, link.poll, edge.poll_requests)
         assert asked[-1] == Blow(4.0) and replies.count(Done()) == len(asked)
         link.close()
 

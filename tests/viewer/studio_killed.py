@@ -50,7 +50,7 @@ def work(folder: Path, told: int) -> None:
     editor = Editor()
     store = ProjectStore(editor, folder)
     store.new()
-    start = store._saved_at
+    start = store.saved_at
     for number in range(1, 1 << 30):
         editor.edit("edit", lambda project, number=number: project.with_characters(bone(number)))
         store.autosave(start + number * TICK)

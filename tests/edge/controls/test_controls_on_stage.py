@@ -83,7 +83,7 @@ class House:
 
     def step(self) -> None:
         self.edge.step(self.sensor.read())
-        self.edge._poll_requests()
+        self.edge.poll_requests()
 
     def until(self, done) -> None:
         deadline = time.monotonic() + TIMEOUT_S
@@ -139,7 +139,7 @@ def test_every_control_word_equals_a_viewers_request(outlet, caplog):
 
     def said(*words: str) -> None:
         say.words = list(words)
-        house.edge._poll_requests()
+        house.edge.poll_requests()
         house.step()
 
     house.sensor.bodies = []
@@ -180,7 +180,7 @@ def test_parts_are_named_by_a_word(outlet):
 
     def said(*words: str) -> list[str]:
         say.words = list(words)
-        house.edge._poll_requests()
+        house.edge.poll_requests()
         house.step()
         return [limb for _, limbs in house.driven for limb in limbs]
 
@@ -224,10 +224,10 @@ def test_lock_command_locks_the_tracker(outlet):
     say = Say()
     edge = Edge(People(), Tracker(), Stage([]), outlet, controls=Controls([say]))
     say.words = ["lock"]
-    edge._poll_requests()
+    edge.poll_requests()
     assert edge.tracker._people.track_manager.lock.ids is not None
     say.words = ["unlock"]
-    edge._poll_requests()
+    edge.poll_requests()
     assert edge.tracker._people.track_manager.lock.ids is None
 
 
@@ -245,12 +245,12 @@ def test_lamps_show_the_stage_and_its_health(outlet):
     assert say.lamps == Lamps(possess="steady")
     house.edge.tracker = Tracker()  # no frame has been read yet
     house.edge.tracker.lock()
-    house.edge._poll_requests()
+    house.edge.poll_requests()
     assert say.lamps == Lamps(possess="steady", locked="steady")
     house.edge.tracker.unlock()
     house.edge.health.record_read_error(SensorFault("the cable is out", where="people"))
     house.edge._wait()
-    house.edge._poll_requests()
+    house.edge.poll_requests()
     assert say.lamps == Lamps(possess="steady", fault="flashing")
     house.step()
     assert say.lamps == Lamps(possess="steady"), "the sensor is back"

@@ -45,13 +45,13 @@ def outlet(tmp_path):
 def serve(edge: Edge) -> list[dict[str, str]]:
     """Runs the edge; yields the problems in its heartbeat after each step, by kind."""
     reported: list[dict[str, str]] = []
-    listen = edge._poll_requests
+    listen = edge.poll_requests
 
     def heard() -> None:
         reported.append({state.kind: state.what for state in edge.outlet.publisher.status.health})
         listen()
 
-    edge._poll_requests = heard
+    edge.poll_requests = heard
     edge.run()
     return reported
 

@@ -190,8 +190,8 @@ def made_solver(tail, translation, seed=1):
     stiffness = 10.0 ** rng.uniform(-1, 1, len(graph.positions))
     state = random_state(graph, seed + 4)
     solver = EmbeddedSolver(graph, points, chosen, start=state, stiffness=stiffness)
-    solver._store_targets(targets, pulls)
-    solver._planes = convert_planes(planes, chosen.planes, graph.positions, solver._place)
+    solver.store_targets(targets, pulls)
+    solver.planes = convert_planes(planes, chosen.planes, graph.positions, solver._place)
     return solver, (graph, points, targets, pulls, chosen, planes, stiffness)
 
 
@@ -203,7 +203,7 @@ def flat_of(solver):
 @pytest.mark.parametrize(("tail", "translation"), CASES)
 def test_energy_matches_the_paper(tail, translation):
     solver, slow = made_solver(tail, translation)
-    parts = compute_energy_gradient(solver._x.reshape(-1), solver._terms, solver._planes, solver._work.raw)
+    parts = compute_energy_gradient(solver.unknowns.reshape(-1), solver.terms, solver.planes, solver.work.raw)
     value = residuals(flat_of(solver), *slow)
     assert parts[5] == pytest.approx(value @ value)
     assert parts[4] > 0
@@ -213,9 +213,9 @@ def test_energy_matches_the_paper(tail, translation):
 @pytest.mark.parametrize(("tail", "translation"), CASES)
 def test_the_derivative_in_the_nodes_own_terms_is_that_of_the_slow_energy(tail, translation):
     solver, slow = made_solver(tail, translation, 2)
-    x = solver._x.reshape(-1)
+    x = solver.unknowns.reshape(-1)
     raw, force = np.zeros_like(x), np.zeros_like(x, np.float32)
-    compute_energy_gradient(x, solver._terms, solver._planes, raw)
+    compute_energy_gradient(x, solver.terms, solver.planes, raw)
     force_in_node_frame(x, raw, force)
     used = np.array([c not in (3, 7, 11, 15) for c in range(16)])
     here = x.copy()
@@ -259,9 +259,9 @@ def jacobian_in_node_frames(solver, slow, order):
     """Returns (R, 12 N) the Jacobian of the slow residuals by central differences. ``order`` (12,) is the
     order of a node's unknowns.
     """
-    x = solver._x.reshape(-1)
+    x = solver.unknowns.reshape(-1)
     here, columns, size = x.copy(), [], 1e-4
-    for n in range(len(solver._x)):
+    for n in range(len(solver.unknowns)):
         for c in order:
             ends, own = [], np.zeros_like(x, np.float32)
             for own[16 * n + c] in (size, -size):
@@ -279,12 +279,12 @@ def test_the_matrix_is_the_second_derivative_of_turns_and_shifts_and_of_each_str
     if tail:
         # The solver's matrix contains E_rig as it is for nodes with equal rotations.
         solver.reset()
-    linear = np.swapaxes(solver._x[:, :3, :3], 1, 2)
-    solver._x[:, :3, :3] = np.swapaxes(rotation.nearest_rotation(linear), 1, 2)
-    solver._planes = NO_PLANES
-    x = solver._x.reshape(-1)
+    linear = np.swapaxes(solver.unknowns[:, :3, :3], 1, 2)
+    solver.unknowns[:, :3, :3] = np.swapaxes(rotation.nearest_rotation(linear), 1, 2)
+    solver.planes = NO_PLANES
+    x = solver.unknowns.reshape(-1)
     # Without a gradient, no force acts on the rotating arm.
-    refactorize_matrix(x, solver._terms, solver._planes, np.zeros_like(x), solver._current_matrix)
+    refactorize_matrix(x, solver.terms, solver.planes, np.zeros_like(x), solver.current_matrix)
     count, order = len(graph.positions), [0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14]
     slow = graph, points, targets, pulls, chosen, None, stiffness
     rigid = jacobian_in_node_frames(solver, slow, order)
@@ -306,7 +306,7 @@ def test_the_matrix_is_the_second_derivative_of_turns_and_shifts_and_of_each_str
     expected[:, order[:6]] = (0.5 * np.linalg.solve(whole, turns) + gives @ bent).reshape(count, 6)
     step = np.zeros((count, 16), np.float32)
     step[:, order[:6]], step[:, order[6:]] = turns.reshape(count, 6), stretches.reshape(count, 6)
-    apply_preconditioner(solver._current_matrix, step.reshape(-1))
+    apply_preconditioner(solver.current_matrix, step.reshape(-1))
     np.testing.assert_allclose(step, expected, atol=2e-3 * np.abs(expected).max())
 
 
@@ -320,11 +320,11 @@ def test_the_matrix_is_as_exact_of_a_tiny_mesh_as_of_a_large_one(size):
     small = replace(graph, positions=size * graph.positions)
     held = replace(points, points=size * np.asarray(points.points))
     solver = EmbeddedSolver(small, held, EmbeddedSettings())
-    solver._store_targets(held.points, np.ones(9))
-    x, system, count = solver._x.reshape(-1), solver._current_matrix, len(graph.positions)
-    refactorize_matrix(x, solver._terms, NO_PLANES, np.zeros_like(x), system)
+    solver.store_targets(held.points, np.ones(9))
+    x, system, count = solver.unknowns.reshape(-1), solver.current_matrix, len(graph.positions)
+    refactorize_matrix(x, solver.terms, NO_PLANES, np.zeros_like(x), system)
     # Factorising has overwritten the matrix.
-    assemble_matrix(x, solver._terms, NO_PLANES, np.zeros_like(x), system, 1e-4)
+    assemble_matrix(x, solver.terms, NO_PLANES, np.zeros_like(x), system, 1e-4)
     dense = np.zeros((count, 6, count, 6))
     for column in range(count):
         for b in range(system.start[column], system.start[column + 1]):
@@ -349,21 +349,21 @@ def test_a_matrix_that_has_turned_with_the_nodes_is_that_of_the_turned_state(see
     body."""
     solver, _ = made_solver(False, "printed", seed % 30)
     rng = np.random.default_rng(seed)
-    x, still = solver._x.reshape(-1), NO_PLANES
+    x, still = solver.unknowns.reshape(-1), NO_PLANES
     turn = rotation.to_matrix(rotation.from_rotation_vector(3.0 * rng.normal(size=3)))
-    force = rng.normal(size=(len(solver._x), 16)) * [c % 4 < 3 for c in range(16)]
+    force = rng.normal(size=(len(solver.unknowns), 16)) * [c % 4 < 3 for c in range(16)]
     force = force.astype(np.float32)
     steps = []
     nothing = np.zeros_like(x)
-    refactorize_matrix(x, solver._terms, still, nothing, solver._current_matrix)
-    solver._x[:, :, :3] = solver._x[:, :, :3] @ turn.T
+    refactorize_matrix(x, solver.terms, still, nothing, solver.current_matrix)
+    solver.unknowns[:, :, :3] = solver.unknowns[:, :, :3] @ turn.T
     for anew in (False, True):
         if anew:
-            refactorize_matrix(x, solver._terms, still, nothing, solver._current_matrix)
+            refactorize_matrix(x, solver.terms, still, nothing, solver.current_matrix)
         else:
-            align_with_nodes(x, solver._current_matrix)
+            align_with_nodes(x, solver.current_matrix)
         steps.append(force.copy())
-        apply_preconditioner(solver._current_matrix, steps[-1].reshape(-1))
+        apply_preconditioner(solver.current_matrix, steps[-1].reshape(-1))
     np.testing.assert_allclose(steps[0], steps[1], atol=2e-3 * np.abs(steps[1]).max())
 
 
@@ -521,18 +521,14 @@ def test_the_energy_never_rises(seed, size):
     targets = points.points + size * rng.normal(size=points.points.shape)
     solver = EmbeddedSolver(graph, points, start=random_state(graph, seed))
     solver.solve(targets)
-    moved = solver._x.copy()
+    moved = solver.unknowns.copy()
     moved[:, :, :3] += 0.3 * rng.normal(size=moved[:, :, :3].shape)
     x, room = moved.reshape(-1), np.empty(moved.size)
-    before = compute_energy_gradient(x, solver._terms, solver._planes, room)[5]
+    before = compute_energy_gradient(x, solver.terms, solver.planes, room)[5]
     for _ in range(30):
-        record_energies(
-            solver._work, compute_energy_gradient(x, solver._terms, solver._planes, solver._work.raw)
-        )
-        minimize_energy(
-            x, solver._terms, solver._planes, solver._current_matrix, solver._work, 1, 0.0, UNLIMITED
-        )
-        after = compute_energy_gradient(x, solver._terms, solver._planes, room)[5]
+        record_energies(solver.work, compute_energy_gradient(x, solver.terms, solver.planes, solver.work.raw))
+        minimize_energy(x, solver.terms, solver.planes, solver.current_matrix, solver.work, 1, 0.0, UNLIMITED)
+        after = compute_energy_gradient(x, solver.terms, solver.planes, room)[5]
         assert after <= before * (1 + 1e-12) + 1e-12
         before = after
 

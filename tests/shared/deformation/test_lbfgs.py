@@ -20,10 +20,10 @@ def system():
     """Returns the matrix of a small creature at rest."""
     problem = random_problem(5, 21, 1, 1.0)
     solver = EmbeddedSolver(problem.graph, problem.points)
-    solver._store_targets(problem.targets[0], solver._ones)
-    x = solver._x.reshape(-1)
-    refactorize_matrix(x, solver._terms, NO_PLANES, np.zeros_like(x), solver._current_matrix)
-    return solver._current_matrix
+    solver.store_targets(problem.targets[0], solver._ones)
+    x = solver.unknowns.reshape(-1)
+    refactorize_matrix(x, solver.terms, NO_PLANES, np.zeros_like(x), solver.current_matrix)
+    return solver.current_matrix
 
 
 def filled_buffers(count, seed):

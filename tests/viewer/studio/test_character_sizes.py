@@ -72,7 +72,7 @@ class House:
         while not done():
             assert time.monotonic() < deadline, "it never came to be"
             self.edge.step(self.person.read())
-            self.edge._poll_requests()
+            self.edge.poll_requests()
             self.session.advance(0.01)
             time.sleep(0.002)
 

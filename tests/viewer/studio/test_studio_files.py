@@ -121,10 +121,10 @@ def test_opening_another_project_asks_first(workspace: Workspace, tmp_path) -> N
 
 def test_work_is_kept_every_few_seconds_and_recovered_by_the_next_studio(workspace: Workspace) -> None:
     store = workspace.store
-    store.autosave(store._saved_at + 1.0)
+    store.autosave(store.saved_at + 1.0)
     store.settle()
     assert not store.folder.exists(), "not yet time"
-    store.autosave(store._saved_at + 60.0)
+    store.autosave(store.saved_at + 60.0)
     store.settle()
     written = list(store.folder.iterdir())
     assert [path.name for path in written] == [f"recovery-{os.getpid()}.enliven"]
@@ -142,11 +142,11 @@ def test_work_is_kept_every_few_seconds_and_recovered_by_the_next_studio(workspa
 
 def test_saved_or_unchanged_project_leaves_no_recovery_file(workspace: Workspace, tmp_path) -> None:
     store = workspace.store
-    store.autosave(store._saved_at + 60.0)
+    store.autosave(store.saved_at + 60.0)
     store.settle()
     store.save(tmp_path / "work.enliven")
     assert list(store.folder.iterdir()) == []
-    store.autosave(store._saved_at + 120.0)
+    store.autosave(store.saved_at + 120.0)
     store.settle()
     assert list(store.folder.iterdir()) == []
 
@@ -155,7 +155,7 @@ def test_unwritable_recovery_file_is_reported(workspace: Workspace, tmp_path) ->
     (tmp_path / "in the way").write_text("")
     store = ProjectStore(workspace.editor, tmp_path / "in the way")
     store._saved = store._autosaved = workspace.editor.project.drop_character("limb")
-    store.autosave(store._saved_at + 60.0)
+    store.autosave(store.saved_at + 60.0)
     store.settle()
     assert "Ctrl+S" in said(workspace)
 

@@ -129,12 +129,12 @@ def test_a_recording_that_is_given_up_after_it_was_saved_can_be_saved_away(works
 
 def test_running_recordings_are_written_for_recovery(workspace: Workspace, tmp_path: Path) -> None:
     store = workspace.store
-    store.autosave(store._saved_at + 60.0)
+    store.autosave(store.saved_at + 60.0)
     store.settle()
     (kept,) = (tmp_path / "recovery").glob("recovery-*.enliven")
     assert seconds(kept) > 0.9
     perform(workspace, 90)
-    store.autosave(store._saved_at + 600.0)
+    store.autosave(store.saved_at + 600.0)
     store.settle()
     assert seconds(kept) > 2.8, "again and again while it runs"
     after = ProjectStore(Editor(), tmp_path / "recovery")

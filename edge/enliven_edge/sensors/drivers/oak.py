@@ -29,7 +29,7 @@ _NOT_FOUND_MESSAGES = ("No available devices", "Cannot find any device with give
 """The library's messages if it finds no camera at all, or not the requested one."""
 _ACCELEROMETER_HZ = 100
 """Readings of the accelerometer per second. The mean over one second is used as gravity."""
-_KINDS = {"LITE": "oak-d-lite"}
+KINDS = {"LITE": "oak-d-lite"}
 """The profile of a camera, by a part of its product name. Other cameras have the stereo pair of the OAK-D."""
 _MAX_TEMPERATURE_C = 105.0
 """Chip temperature in degrees Celsius at which the chip throttles and then stops (RVC2 data sheet)."""
@@ -156,7 +156,7 @@ class OakSensor(Sensor):
         store_crash_dump(self._device)
         name = self._device.getDeviceId()
         self.name, self.fps, self.again = f"oak {name}", fps, {"before": name}
-        self._kind = profile_from_name(self._device.getProductName(), _KINDS, self._kind)
+        self._kind = profile_from_name(self._device.getProductName(), KINDS, self._kind)
         self._pipeline = dai.Pipeline(self._device)
         try:
             stereo = self._pipeline.create(dai.node.StereoDepth).build(

@@ -24,7 +24,7 @@ _GRAVITY_READINGS = 100
 """Number of accelerometer readings: one second at 100 Hz. Their mean is used as gravity."""
 _SYNC_MODES = ("free_run", "standalone", "primary", "secondary", "secondary_synced", "hardware_triggering")
 """Modes of OBMultiDeviceSyncMode that synchronise several cameras with only a cable."""
-_KINDS = {
+KINDS = {
     r"Gemini (2|210|215)\b": "orbbec-gemini2",
     r"Gemini (3\d\d|435)": "orbbec-gemini335",
     "Astra 2": "orbbec-astra2",
@@ -165,7 +165,7 @@ class OrbbecSensor(Sensor):
         """Configures the camera before it starts."""
         ob, device_info = self._ob, self._device.get_device_info()
         self._link = device_info.get_connection_type()
-        self._kind = profile_from_name(device_info.get_name(), _KINDS, "orbbec-gemini335")
+        self._kind = profile_from_name(device_info.get_name(), KINDS, "orbbec-gemini335")
         self._reach = create_range_filter(reach, self._kind, self._rehearsed)
         self._configure(preset, sync)
         self._pipeline = ob.Pipeline(self._device)

@@ -30,7 +30,7 @@ _GRAVITY_READINGS = 100
 """Number of accelerometer readings: half a second at 200 Hz. Their mean is used as gravity."""
 _MAX_TEMPERATURE_C = 90.0
 """Maximum temperature of the vision processor in degrees Celsius, from the data sheet of the D400 family."""
-_KINDS = {"D41": "realsense-d415", "D45": "realsense-d455", "D405": "realsense-d405"}
+KINDS = {"D41": "realsense-d415", "D45": "realsense-d455", "D405": "realsense-d405"}
 """The profile of a camera, by a part of its name. Other cameras have the stereo pair of the D435."""
 
 
@@ -135,7 +135,7 @@ class RealSenseSensor(Sensor):
         serial = self._device.get_info(info.serial_number) if device else "rehearsal"
         self.name, self.again = f"realsense {serial}", {"before": serial} if device else {}
         name = self._device.get_info(info.name) if self._device.supports(info.name) else ""
-        self._kind = profile_from_name(name, _KINDS, "realsense-d435")
+        self._kind = profile_from_name(name, KINDS, "realsense-d435")
         self._depth = self._device.first_depth_sensor()
         self._set_option("visual_preset", preset, getattr(rs.rs400_visual_preset, preset, None))
         self._set_option("emitter_enabled", laser, float(laser))

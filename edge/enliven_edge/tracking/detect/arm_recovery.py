@@ -15,7 +15,7 @@ from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.detect.arm_starts import ARM_JOINTS, Arm, arm_starts
 from enliven_edge.tracking.detect.backoff import Backoff
 from enliven_edge.tracking.detect.fitted_frame import Fit, FittedFrame
-from enliven_edge.tracking.detect.proposals import FIT_STEPS, MAX_LIMB_COST, Doubts
+from enliven_edge.tracking.detect.proposals import FIT_STEPS, Doubts
 from enliven_edge.tracking.fit.fit import Fitter
 
 _DOUBTFUL_ENERGY_RATIO = 1.12
@@ -51,8 +51,6 @@ fit.
 class ArmRecovery:
     """Tries the doubtful arms of one person at other positions, a few per frame."""
 
-    max_cost_ratio = MAX_LIMB_COST
-
     def __init__(self, fitter: Fitter) -> None:
         self._fitter = fitter
         self._turn = 0
@@ -66,18 +64,14 @@ class ArmRecovery:
         arms = [
             arm
             for arm in ARM_JOINTS
-            if costs_more + (doubts.is_body_doubtful or arm in doubts.limbs) + _network_disagrees(frame, arm)
+            if costs_more + (doubts.is_body_doubtful or arm in doubts.arms) + _network_disagrees(frame, arm)
             >= min_signs
         ]
         if not arms or not self._backoff.is_due(frame.report.energy):
             return None
-        self._backoff.start()
         best = self._find_promising_start(frame, arms)
         self._backoff.record(frame.report.energy, better=best is not None)
         return None if best is None else self._fitter.fit(frame.observation, best, iterations=FIT_STEPS)
-
-    def record(self, frame: FittedFrame, *, accepted: bool) -> None:
-        """Does nothing: the interval depends on whether a start was promising."""
 
     def _find_promising_start(self, frame: FittedFrame, arms: list[Arm]) -> Posture | None:
         """Fits some start poses coarsely. Returns the best fit if it is promising."""

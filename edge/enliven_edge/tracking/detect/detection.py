@@ -1,8 +1,7 @@
 """Detection: finds a person's posture in one frame by fitting several hypotheses and keeping the best.
 
-With the network, its estimates for each likely facing are the first hypotheses, and it contributes to the
-ranking. Without it, or in addition, standing postures and a bank of others are aligned with the extremities
-of the surface.
+With the network, its estimates for each likely facing are hypotheses, and it contributes to the ranking.
+Without it, a bank of postures is aligned with the extremities of the surface. Standing postures are added.
 """
 
 from __future__ import annotations
@@ -38,12 +37,8 @@ with the opposite one."""
 _LENGTH_WEIGHTS = np.full(len(model.LENGTHS), 30.0)
 """(12,) weights of the lengths' prior in a refinement. They are low, because the person is not measured
 yet."""
-_COARSE_POINTS = 160
-"""Number of points in coarse fits of a tracked person: a third of all points, because the fits are only
-compared."""
-_FIRST_POINTS = 250
-"""Number of points in coarse fits of a new person: half of all points, because a new person has no present
-posture to fall back on."""
+_COARSE_POINTS = 250
+"""Number of points in coarse fits: half of all points, because the fits are only compared."""
 _COARSE_STEPS = 8
 """Steps of a coarse fit. With four to six the tuning set lost half a percent of its joints."""
 _COARSE_WIDTH_M = 0.25
@@ -51,29 +46,17 @@ _COARSE_WIDTH_M = 0.25
 _FIRST_STEPS = 2
 """Number of steps after which the worse half of the hypotheses is dropped. Hypotheses from this half hardly
 ever win."""
-_MIDDLE_POINTS = 250
-"""Number of points in the first half of a refinement of a tracked person. Half of all points suffice to find
-hopeless hypotheses."""
-_MAX_ENERGY_RATIO = 1.6
-"""A hypothesis is dropped after half its refinement if its energy exceeds the lowest one by this factor."""
 _HALF_STEPS = 15
 """Steps of each half of a refinement. The fit has converged by then."""
 _HALF_WIDTH = 0.12
 """Robust width of the first half in metres, between that of a coarse fit and that of the ordinary fit."""
 _HALF_AFFINITY = 0.4
 """Factor on the affinity in the first half of a refinement: the surface takes over from the network."""
-_MAX_REFINED_COST = 1.0
-"""Maximum cost of a hypothesis, relative to the present posture, to be refined. Hypotheses above it hardly
-ever win."""
 _AFFINITY = 0.15
 """Affinity in coarse fits in metres: the added distance between a point and a capsule of another body
 part."""
 _BANK_HYPOTHESES = 8
 """Number of the most similar bank postures that are tried without a network. Each costs a coarse fit."""
-_EXTRA_BANK_HYPOTHESES = 3
-"""Number of hypotheses from the posture bank that are added to those of the network. Few are enough, because
-the network's hypotheses are better.
-"""
 _NETWORK_COST = 1
 """Cost of running the network for one likely facing, in coarse fits."""
 _POSTURE_COST = 1
@@ -99,7 +82,6 @@ def detect(
     height: float,
     network_output: EstimateAtPoints | None = None,
     by_facing: list[Estimate] | None = None,
-    lengths: Float | None = None,
 ) -> Steps[tuple[Posture, FitReport]]:
     """Finds the posture that explains an observation best, using only this frame.
 
@@ -114,52 +96,15 @@ def detect(
         height: metres, the person's height until it is measured.
         network_output: the network's estimate of this observation; None without the network.
         by_facing: the network's estimates for each likely facing, see :func:`estimates_by_facing`.
-        lengths: (12,) metres, this person's bone lengths if they are known already.
     """
-    coarse = _CoarseFits(fitter, observation, network_output, eye, height, _FIRST_POINTS)
-    starts = yield from _create_hypotheses(observation, by_facing or [], eye, height, lengths)
+    coarse = _CoarseFits(fitter, observation, network_output, eye, height, _COARSE_POINTS)
+    starts = yield from _create_hypotheses(observation, by_facing or [], eye, height)
     ranked = yield from coarse.rank(starts)
     finalists = _choose_best_distinct(ranked, _REFINED_HYPOTHESES)
     best = yield from _refine(fitter, observation, network_output, finalists, height)
     # Also try the best posture flipped, because front and back are easily confused.
     other = yield from _refine(fitter, observation, network_output, [flip_posture(best[1])], height)
     _, posture, report = min(best, other, key=lambda found: found[0])
-    return posture, report
-
-
-def detect_another(
-    fitter: Fitter,
-    observation: Observation,
-    network_output: EstimateAtPoints | None,
-    eye: Float,
-    height: float,
-    present: Posture,
-    by_facing: list[Estimate] | None = None,
-    lengths: Float | None = None,
-) -> Steps[tuple[Posture, FitReport] | None]:
-    """Searches for a posture that explains an observation better than ``present``. Returns None if it finds
-    none.
-
-    It is a generator that yields its costs. The present posture is fitted as coarsely as all others.
-    Hypotheses that are not better after the coarse fit are not refined, because they are hardly ever better
-    in the end.
-
-    Args:
-        fitter, observation, network_output, eye, height, by_facing, lengths: as in :func:`detect`.
-        present: the present posture.
-    """
-    coarse = _CoarseFits(fitter, observation, network_output, eye, height, _COARSE_POINTS)
-    present_cost, _ = coarse.fit_steps(present)
-    yield 1
-    starts = yield from _create_hypotheses(observation, by_facing or [], eye, height, lengths)
-    ranked = yield from coarse.rank(starts)
-    promising = [pair for pair in ranked if pair[0] < _MAX_REFINED_COST * present_cost]
-    if not promising:
-        return None
-    finalists = _choose_best_distinct(promising, _REFINED_HYPOTHESES)
-    _, posture, report = yield from _refine(
-        fitter, observation, network_output, finalists, height, _MIDDLE_POINTS
-    )
     return posture, report
 
 
@@ -233,9 +178,9 @@ def estimates_by_facing(
 
 
 def _create_hypotheses(
-    observation: Observation, by_facing: list[Estimate], eye: Float, height: float, lengths: Float | None
+    observation: Observation, by_facing: list[Estimate], eye: Float, height: float
 ) -> Steps[list[Posture]]:
-    """Returns the initial hypotheses: from the network, standing, and from the bank.
+    """Returns the initial hypotheses: standing, and from the network or from the bank.
 
     It is a generator that yields its costs.
 
@@ -244,20 +189,19 @@ def _create_hypotheses(
         by_facing: the network's estimates.
         eye: (3,) the sensor's position, world frame.
         height: metres.
-        lengths: (12,) this person's bone lengths in metres. If None, uses those of the likeliest height and
-            those of the visible height.
     """
+    builds = likely_builds(observation, height)
+    standing = make_standing_starts(observation, eye, builds[-1])
+    if by_facing:
+        yield _POSTURE_COST * len(builds)
+        by_estimate = [pose_from_estimate(estimate, build) for build in builds for estimate in by_facing]
+        return [*by_estimate, *standing]
     z, mask, _, camera, pose = observation.view
-    builds = [lengths] if lengths is not None else likely_builds(observation, height)
-    by_estimate = [pose_from_estimate(estimate, build) for build in builds for estimate in by_facing]
-    yield _POSTURE_COST * len(builds)
     ends = find_extremities(z, mask, camera, pose)
     yield _EXTREMITIES_COST
-    banked = bank_starts(
-        observation, ends, eye, builds[0], _EXTRA_BANK_HYPOTHESES if by_facing else _BANK_HYPOTHESES
-    )
+    banked = bank_starts(observation, ends, eye, builds[0], _BANK_HYPOTHESES)
     yield _BANK_COST
-    return [*by_estimate, *make_standing_starts(observation, eye, builds[-1]), *banked]
+    return [*standing, *banked]
 
 
 def _refine(
@@ -266,7 +210,6 @@ def _refine(
     network_output: EstimateAtPoints | None,
     starts: list[Posture],
     height: float,
-    points: int | None = None,
 ) -> Steps[tuple[float, Posture, FitReport]]:
     """Fits some hypotheses completely, including lengths. Returns the best posture with its cost and report.
 
@@ -275,36 +218,21 @@ def _refine(
     Args:
         fitter, observation, network_output, height: as in :func:`detect`.
         starts: the hypotheses.
-        points: number of points in the first half of the fit. After it, much worse hypotheses are dropped. If
-            None, uses all points and drops none.
     """
-    fewer_points, guide = observation, network_output
-    if points is not None:
-        step = max(1, len(observation.points) // points)
-        fewer_points, guide = (
-            observation.thin(step),
-            None if network_output is None else network_output.thin(step),
-        )
-    halfway = []
+    guided = _add_affinities(observation, network_output, _HALF_AFFINITY * _AFFINITY)
+    eye = observation.view.world_from_camera[:3, 3]
+    ready = []
     for start in starts:
-        guided = _add_affinities(fewer_points, guide, _HALF_AFFINITY * _AFFINITY)
-        posture, report = fitter.fit(
+        halfway, _ = fitter.fit(
             guided, start, iterations=_HALF_STEPS, width=_HALF_WIDTH, proportions=_LENGTH_WEIGHTS
         )
-        halfway.append((report.energy, posture))
         yield _REFINEMENT_COST
-    max_energy = np.inf if points is None else _MAX_ENERGY_RATIO * min(energy for energy, _ in halfway)
-    ready = []
-    for energy, posture in halfway:
-        if energy <= max_energy:
-            posture, report = fitter.fit(
-                observation, posture, iterations=_HALF_STEPS, proportions=_LENGTH_WEIGHTS
-            )
-            implausibility = implausibility_cost(
-                network_output, posture, observation.view.world_from_camera[:3, 3], height
-            )
-            ready.append((report.energy + implausibility, posture, report))
-            yield _REFINEMENT_COST
+        posture, report = fitter.fit(
+            observation, halfway, iterations=_HALF_STEPS, proportions=_LENGTH_WEIGHTS
+        )
+        implausibility = implausibility_cost(network_output, posture, eye, height)
+        ready.append((report.energy + implausibility, posture, report))
+        yield _REFINEMENT_COST
     return min(ready, key=lambda found: found[0])
 
 

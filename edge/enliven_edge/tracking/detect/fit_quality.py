@@ -145,16 +145,6 @@ _SAME_STATURE_RATIO = 0.08
 compensate."""
 
 
-def total_fit_cost(
-    report: FitReport, posture: Posture, network_output: EstimateAtPoints | None, eye: Float, height: float
-) -> float:
-    """Returns the total cost of a fitted posture, square centimetres per point.
-
-    Costs are comparable within one frame.
-    """
-    return report.energy + implausibility_cost(network_output, posture, eye, height)
-
-
 def implausibility_cost(
     network_output: EstimateAtPoints | None, posture: Posture, eye: Float, height: float
 ) -> float:

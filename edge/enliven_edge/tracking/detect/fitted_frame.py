@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from enliven.arrays import Float
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints
-from enliven_edge.tracking.detect.fit_quality import total_fit_cost
 from enliven_edge.tracking.fit.fit import FitReport
 from enliven_edge.tracking.frame.observation import Observation
 
@@ -31,21 +29,8 @@ class FittedFrame:
     report: FitReport
     network_output: EstimateAtPoints | None = None
 
-    @property
-    def eye(self) -> Float:
-        """Returns the sensor's (3,) position, world frame."""
-        return self.observation.view.world_from_camera[:3, 3]
-
     def count_disagreeing(self) -> int:
         """Returns the number of joints that the network sees elsewhere, 0 without the network."""
         if self.network_output is None:
             return 0
         return self.network_output.estimate.count_disagreeing(self.posture.joints())
-
-    def with_fit(self, fit: Fit) -> FittedFrame:
-        """Returns the frame with another fit."""
-        return replace(self, posture=fit[0], report=fit[1])
-
-    def total_cost(self, fit: Fit, height: float) -> float:
-        """Returns the total cost of a fit to this frame, see :func:`fit_quality.total_fit_cost`."""
-        return total_fit_cost(fit[1], fit[0], self.network_output, self.eye, height)

@@ -80,7 +80,7 @@ _MAX_MISFIT_M = 0.4
 """Upper limit in metres to which a point's distance from a posture is clipped. It limits the effect of stray
 points.
 """
-BEHIND_SURFACE = 0.1
+_BEHIND_SURFACE = 0.1
 """Metres from the visible surface back to the middle of a standing body: half of a trunk's depth."""
 _BEHIND_POINTS = 0.08
 """Metres from the median of all points back to the middle of a body in another posture."""
@@ -221,7 +221,7 @@ def _place_under_crown(observation: Observation, centre: Float, rotations: Float
     backward = centre - observation.view.world_from_camera[:3, 3]
     backward[1] = 0.0
     head[2] = centre[2]
-    posture.position = head + BEHIND_SURFACE * backward / max(1e-6, float(np.linalg.norm(backward)))
+    posture.position = head + _BEHIND_SURFACE * backward / max(1e-6, float(np.linalg.norm(backward)))
     return posture
 
 

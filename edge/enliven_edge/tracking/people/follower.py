@@ -10,7 +10,7 @@ from enliven_edge.tracking.body_model.posture import Posture, predict_next
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints, chest_facing
 from enliven_edge.tracking.detect.detection import detect, estimates_by_facing
 from enliven_edge.tracking.detect.fit_quality import Facing, fit_quality
-from enliven_edge.tracking.detect.fitted_frame import Fit, FittedFrame
+from enliven_edge.tracking.detect.fitted_frame import FittedFrame
 from enliven_edge.tracking.detect.recovery import PoseRecovery
 from enliven_edge.tracking.estimator.estimator import load_shipped_estimator
 from enliven_edge.tracking.fit.fit import FitReport, Fitter
@@ -20,14 +20,12 @@ from enliven_edge.tracking.people.evidence import NAMES, capsule_confidence, joi
 from enliven_edge.tracking.people.person_estimate import (
     add_guides,
     create_observation,
-    estimate_with_facing,
     flip_with_estimate,
     run_network,
 )
-from enliven_edge.tracking.people.redetection import Redetector
 from enliven_edge.tracking.segment.segmentation import pixels_near_bodies
 from enliven_edge.tracking.settings import TrackerSettings
-from enliven_edge.tracking.work_budget import NETWORK_COST, Budget, Steps, run_to_end
+from enliven_edge.tracking.work_budget import NETWORK_COST, Steps, run_to_end
 
 _MIN_DETECTION_QUALITY = 0.68
 """Minimum quality in [0, 1], see :func:`fit_quality.fit_quality`, for a detected body to be accepted as a
@@ -42,9 +40,6 @@ _MIN_EXPLAINED = 0.93
 because a limb may have moved fast."""
 _WIDE_WIDTH_M = 0.25
 """Robust width of the second fit in metres: about the movement of a fast hand in a frame."""
-_KNOWN_LENGTHS_FRAMES = 120
-"""Number of well fitted frames, four seconds, after which the bone lengths are reliable enough to use in a
-detection."""
 _SHAPING_FRAMES = 30
 """Number of well fitted frames, one second, in which every fit includes the bone lengths. They are far from
 correct at first."""
@@ -90,7 +85,6 @@ class Follower:
         lost: whether the fit has been bad for longer than the settings allow.
         person_probability: the network's probability in [0, 1] in the last frame that this is a person and
             not an object.
-        budget: the budget for redetection in the next frame.
     """
 
     def __init__(self, settings: TrackerSettings, fitter: Fitter, posture: Posture) -> None:
@@ -108,8 +102,6 @@ class Follower:
         self._bad_frames = 0
         self._unsupported = np.zeros(20)
         self._velocity, self._time_ns = np.zeros(3), 0
-        self.budget = Budget(np.inf)
-        self._redetector = Redetector(self._fitter, settings.body_height)
 
     @classmethod
     def detect(
@@ -162,15 +154,9 @@ class Follower:
         follower._update_evidence(report, observation, network_output)
         return follower, fit_quality(report)
 
-    @property
-    def is_redetecting(self) -> bool:
-        """Returns True if a redetection of the person is in progress."""
-        return self._redetector.is_running
-
     def hide(self) -> None:
         """Handles a frame that does not show the person."""
         self.confidence = np.zeros(20)
-        self._redetector.stop()
 
     def predict(self) -> Posture:
         """Returns the posture expected in the next frame, extrapolated from the last two."""
@@ -202,9 +188,8 @@ class Follower:
             observation = add_guides(observation, network_output, self.settings.fit.affinity)
         posture, report = self._fit_frame(observation, predicted, self._length_weights())
         certain = capsule_confidence(report, observation, posture)
-        # Do not try arms while a redetection runs, because a frame with both searches would take too long.
         frame = FittedFrame(observation, posture, report, network_output)
-        posture, report = self._recovery.reconsider(frame, certain, arms=not self.is_redetecting)
+        posture, report = self._recovery.reconsider(frame, certain)
         velocity = self._update_velocity(posture.position, view.time_ns)
         flipped = network_output is not None and self._facing.is_wrong(
             network_output, posture, view.eye, velocity
@@ -213,16 +198,10 @@ class Follower:
             posture, network_output = flip_with_estimate(posture, network_output, view)
             observation = add_guides(observation, network_output, self.settings.fit.affinity)
             posture, report = self._fitter.fit(observation, posture)
-        redetected = self._redetect(FittedFrame(observation, posture, report, network_output))
-        if redetected is not None:
-            posture, report = redetected
-            network_output = (
-                None if network_output is None else estimate_with_facing(posture, network_output, view)
-            )
         is_bad = fit_quality(report) <= _BAD_QUALITY
         if is_bad and not self._count_bad_frame() and self.lost:
             return False
-        self._before, self.posture = (None if flipped or redetected else self.posture), posture
+        self._before, self.posture = (None if flipped else self.posture), posture
         self._update_evidence(report, observation, network_output)
         if is_bad:
             return False
@@ -243,15 +222,6 @@ class Follower:
         other = fit(observation, wide, predicted=predicted, proportions=proportions)
         return other if other[1].energy < best[1].energy else best
 
-    def _redetect(self, frame: FittedFrame) -> Fit | None:
-        """Works on a redetection. If it succeeds, the decisions about the old posture are forgotten."""
-        lengths = frame.posture.lengths if self._fitted > _KNOWN_LENGTHS_FRAMES else None
-        fit = self._redetector.advance(frame, lengths, self.budget)
-        if fit is not None:
-            self._fitted = self._fitted if self._redetector.has_known_lengths else 0
-            self._recovery, self._facing = PoseRecovery(self._fitter), Facing()
-        return fit
-
     def _update_velocity(self, position: Float, time_ns: int) -> Float:
         """Returns the (3,) velocity of the hip centre, metres per second, averaged over the last frames."""
         seconds = (time_ns - self._time_ns) * 1e-9
@@ -265,7 +235,6 @@ class Follower:
 
     def _count_bad_frame(self) -> bool:
         """Counts a bad frame. Always returns False."""
-        self._redetector.stop()
         self._bad_frames += 1
         self.lost = self._bad_frames > self.settings.lost_after
         return False

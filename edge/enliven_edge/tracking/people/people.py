@@ -20,7 +20,7 @@ from enliven_edge.tracking.people.track_manager import Duplicates, TrackManager
 from enliven_edge.tracking.people.visibility import compute_occluded_fractions
 from enliven_edge.tracking.segment.segmentation import Segments, segment_people
 from enliven_edge.tracking.settings import TrackerSettings
-from enliven_edge.tracking.work_budget import Budget, frame_budget
+from enliven_edge.tracking.work_budget import frame_budget
 
 _MAX_HIDDEN_S = 4.0
 """Seconds for which an occluded person is kept before the track ends. Then the person is searched again."""
@@ -48,8 +48,6 @@ a foot.
 _ZONE_MARGIN_M = 0.15
 """A performer has left the zone at this distance outside it in metres, so that people at the border do not
 flicker."""
-_REDETECTION_BUDGET = 0.15
-"""Fraction of a frame's search budget that is reserved for the redetection of tracked people."""
 
 
 @dataclass
@@ -129,7 +127,7 @@ class MultiPersonTracker:
 
     def follow(self, view: FrameView, kind: UInt8) -> Segments:
         """Fits the tracked people. Returns the person at each pixel of the frame."""
-        self._allot_budgets(view.time_ns)
+        self._set_budget(view.time_ns)
         dark = known_pixels(view.z) < _COVERED_DEPTH * view.z.size
         frozen = self._before is not None and is_same(view.z, self._before)
         self._before = view.z
@@ -162,19 +160,11 @@ class MultiPersonTracker:
         self.track_manager.gallery.forget_old(view.time_ns, self.track_manager.lock.ids or frozenset())
         return segments
 
-    def _allot_budgets(self, time_ns: int) -> None:
-        """Divides the frame's search budget between new people and redetections."""
+    def _set_budget(self, time_ns: int) -> None:
+        """Sets the budget of this frame for the search for new people."""
         elapsed = None if self._before_ns is None else (time_ns - self._before_ns) * 1e-9
         self._before_ns = time_ns
-        whole = frame_budget(self.settings.search.fits_per_frame, elapsed).remaining
-        redetecting = [p.follower for p in self.people if p.follower.is_redetecting]
-        for person in self.people:
-            # A search that begins in this frame continues only in the next one, because its share of the
-            # budget is not known earlier.
-            person.follower.budget = Budget(whole if whole == np.inf else 0.0)
-        for follower in redetecting:
-            follower.budget = Budget(_REDETECTION_BUDGET * whole / len(redetecting))
-        self.finder.set_budget(Budget(whole))
+        self.finder.set_budget(frame_budget(self.settings.search.fits_per_frame, elapsed))
 
     def _wait_while_covered(self, view: FrameView, kind: UInt8) -> Segments:
         """Handles a frame with a covered lens: treats all people as hidden."""

@@ -113,6 +113,10 @@ class EmbeddedSolver:
 
     Attributes:
         iterations: number of iterations of the last frame.
+        unknowns: (N, 4, 4) the unknowns of the nodes, in the order of elimination: R_j^T and g_j + t_j.
+        terms: the constants of the energy.
+        planes: the soft planes of the last frame.
+        work: buffers of the descent, with the gradient and the energies of the last frame.
     """
 
     def __init__(
@@ -132,16 +136,16 @@ class EmbeddedSolver:
         self._order = elimination_order(count, pairs)
         self._place = np.empty(count, np.int64)
         self._place[self._order] = np.arange(count)
-        self._terms = self._build_terms(attachment, check_stiffness(stiffness, count))
-        system = RigidSystem.empty(find_block_pattern(count, self._place[pairs]), self._terms)
+        self.terms = self._build_terms(attachment, check_stiffness(stiffness, count))
+        system = RigidSystem.empty(find_block_pattern(count, self._place[pairs]), self.terms)
         self._matrix = MatrixRenewal(system, self.settings.budget_ms > 0.0)
-        self._work = SolverBuffers.empty(count)
+        self.work = SolverBuffers.empty(count)
         self._rest = np.zeros((count, 4, 4))
         self._rest[:, :3, :3] = np.eye(3)
         self._rest[:, 3, :3] = graph.positions[self._order]
-        self._x = self._rest.copy()
+        self.unknowns = self._rest.copy()
         self._ones = np.ones(len(nodes))
-        self._planes, self._held_planes = NO_PLANES, hold(NO_PLANES)
+        self.planes, self._held_planes = NO_PLANES, hold(NO_PLANES)
         self.iterations = 0
         self._lower: list[Float | None] = []
         self.reset(start)
@@ -175,10 +179,10 @@ class EmbeddedSolver:
     def _create_state(self, settings: EmbeddedSettings) -> SolverState:
         """Returns the state that persists between frames. With a budget, the cost of a step is measured at
         the current state."""
-        x, rest, terms, work = self._x.reshape(-1), self._rest.reshape(-1), self._terms, self._work
+        x, rest, terms, work = self.unknowns.reshape(-1), self._rest.reshape(-1), self.terms, self.work
         allowance = UNLIMITED
         if settings.budget_ms > 0.0:
-            allowance = measure_allowance(settings.budget_ms, x, terms, self._planes, self._current_matrix)
+            allowance = measure_allowance(settings.budget_ms, x, terms, self.planes, self.current_matrix)
         limits = int(settings.iterations), float(settings.tolerance), allowance
         return SolverState(x, rest, self._order, terms, work, float(settings.constraint), *limits)
 
@@ -186,16 +190,16 @@ class EmbeddedSolver:
         """Moves the nodes to ``start`` (linear parts, positions), or to rest if it is None."""
         self._matrix.switch_to_latest_matrix()
         if start is None:
-            self._x[:] = self._rest
+            self.unknowns[:] = self._rest
         else:
-            self._x[:, :3, :3] = np.swapaxes(start[0], 1, 2)[self._order]
-            self._x[:, 3, :3] = start[1][self._order]
-        self._work.last[:] = self._x.reshape(-1)
-        self._work.age[:] = 1, 0, 1, _STALE_MATRIX_AGE
+            self.unknowns[:, :3, :3] = np.swapaxes(start[0], 1, 2)[self._order]
+            self.unknowns[:, 3, :3] = start[1][self._order]
+        self.work.last[:] = self.unknowns.reshape(-1)
+        self.work.age[:] = 1, 0, 1, _STALE_MATRIX_AGE
         self._lower.clear()
         record_energies(
-            self._work,
-            compute_energy_gradient(self._x.reshape(-1), self._terms, self._planes, self._work.raw),
+            self.work,
+            compute_energy_gradient(self.unknowns.reshape(-1), self.terms, self.planes, self.work.raw),
         )
 
     def solve(
@@ -214,13 +218,13 @@ class EmbeddedSolver:
             finite.
         """
         if self._matrix.switch_to_latest_matrix():
-            reset_age(self._work.age)
+            reset_age(self.work.age)
         targets, weights = self._check_targets(targets, weights)
-        if planes is not None or self._planes is not NO_PLANES:
-            self._planes = convert_planes(planes, self.settings.planes, self.graph.positions, self._place)
-            self._held_planes = hold(self._planes)
+        if planes is not None or self.planes is not NO_PLANES:
+            self.planes = convert_planes(planes, self.settings.planes, self.graph.positions, self._place)
+            self._held_planes = hold(self.planes)
         self._leave_energy_ridge(targets, weights)
-        linear, positions = np.empty((len(self._x), 3, 3)), np.empty((len(self._x), 3))
+        linear, positions = np.empty((len(self.unknowns), 3, 3)), np.empty((len(self.unknowns), 3))
         self.iterations, is_aged = next_frame(
             self._held_state,
             self._held_planes,
@@ -231,13 +235,13 @@ class EmbeddedSolver:
             positions,
         )
         needs_matrix = is_aged or self._matrix.always
-        if needs_matrix and self.iterations > _MAX_STILL_FRAME_STEPS and self._planes is NO_PLANES:
+        if needs_matrix and self.iterations > _MAX_STILL_FRAME_STEPS and self.planes is NO_PLANES:
             self.start_next_matrix()
         return linear, positions
 
     def start_next_matrix(self) -> None:
         """Starts to compute another matrix at the last frame's result, for the next frame."""
-        self._matrix.start_next_matrix(self._x.reshape(-1), self._terms, self._planes, self._work.raw)
+        self._matrix.start_next_matrix(self.unknowns.reshape(-1), self.terms, self.planes, self.work.raw)
 
     @property
     def is_settled(self) -> bool:
@@ -247,10 +251,10 @@ class EmbeddedSolver:
         the energy. The next frame starts from its result, or from the state below the ridge, and continues
         the descent. Computing this value continues the descent, which takes as long as a few frames.
         """
-        is_finished = bool(self._work.age[2])
+        is_finished = bool(self.work.age[2])
         if is_finished and not self._lower:
             self._lower.append(
-                find_lower_state(self._x.reshape(-1), self._terms, self._planes, self._current_matrix)
+                find_lower_state(self.unknowns.reshape(-1), self.terms, self.planes, self.current_matrix)
             )
         return is_finished and self._lower[0] is None
 
@@ -258,7 +262,7 @@ class EmbeddedSolver:
     def energy_terms(self) -> dict[str, float]:
         """The weighted energies "rotation", "smoothness", "constraint", "rigidity", "planes" and "total"."""
         names = ("rotation", "smoothness", "constraint", "rigidity", "planes", "total")
-        return dict(zip(names, self._work.energies.tolist(), strict=True))
+        return dict(zip(names, self.work.energies.tolist(), strict=True))
 
     def _leave_energy_ridge(self, targets: Float, weights: Float) -> None:
         """Continues from the lower state next to a ridge of the energy, if it is better for the new targets.
@@ -268,31 +272,29 @@ class EmbeddedSolver:
         lower_state = self._lower.pop() if self._lower else None
         if lower_state is None:
             return
-        self._store_targets(targets, weights)
+        self.store_targets(targets, weights)
         current_energy = compute_energy_gradient(
-            self._x.reshape(-1), self._terms, self._planes, self._work.trial
+            self.unknowns.reshape(-1), self.terms, self.planes, self.work.trial
         )
-        lower_energy = compute_energy_gradient(lower_state, self._terms, self._planes, self._work.trial)
+        lower_energy = compute_energy_gradient(lower_state, self.terms, self.planes, self.work.trial)
         if lower_energy[5] < current_energy[5]:
-            self._x.reshape(-1)[:] = self._work.last[:] = lower_state
-            record_energies(self._work, lower_energy)
+            self.unknowns.reshape(-1)[:] = self.work.last[:] = lower_state
+            record_energies(self.work, lower_energy)
 
     @property
-    def _current_matrix(self) -> RigidSystem:
+    def current_matrix(self) -> RigidSystem:
         """Returns the matrix that the solver currently uses."""
         return self._matrix.system
 
     def state(self) -> tuple[Float, Float]:
         """Returns the current linear parts (N, 3, 3) and positions (N, 3) of the nodes."""
-        linear, positions = np.empty((len(self._x), 3, 3)), np.empty((len(self._x), 3))
-        state_from_unknowns(self._x, self._order, linear, positions)
+        linear, positions = np.empty((len(self.unknowns), 3, 3)), np.empty((len(self.unknowns), 3))
+        state_from_unknowns(self.unknowns, self._order, linear, positions)
         return linear, positions
 
-    def _store_targets(self, targets: Float, weights: Float) -> None:
+    def store_targets(self, targets: Float, weights: Float) -> None:
         """Copies the usable targets and weights into the energy's constants."""
-        copy_usable_targets(
-            targets, weights, self.settings.constraint, self._terms.targets, self._terms.pulls
-        )
+        copy_usable_targets(targets, weights, self.settings.constraint, self.terms.targets, self.terms.pulls)
 
     def _check_targets(self, targets: Float, weights: Float | None) -> tuple[Float, Float]:
         """Returns the frame's targets (L, 3) and weights (L,) after checking their shapes and values."""

@@ -18,16 +18,16 @@ from enliven_edge.sensors.drivers.tof import TofSensor
 from enliven_synthesis.sensor.profile import load_profile
 
 NAMES = [
-    (oak._KINDS, "oak-d", "OAK-D-LITE", "OAK-D Lite"),
-    (oak._KINDS, "oak-d", "OAK-D-POE", "OAK-D"),
-    (realsense._KINDS, "realsense-d435", "Intel RealSense D415", "RealSense D415"),
-    (realsense._KINDS, "realsense-d435", "Intel RealSense D435I", "RealSense D435"),
-    (realsense._KINDS, "realsense-d435", "Intel RealSense D455", "RealSense D455"),
-    (realsense._KINDS, "realsense-d435", "Intel RealSense D405", "RealSense D405"),
-    (orbbec._KINDS, "orbbec-gemini335", "Orbbec Gemini 2", "Orbbec Gemini 2"),
-    (orbbec._KINDS, "orbbec-gemini335", "Orbbec Gemini 335Lg", "Orbbec Gemini 335"),
-    (orbbec._KINDS, "orbbec-gemini335", "Orbbec Astra 2", "Orbbec Astra 2"),
-    (orbbec._KINDS, "orbbec-gemini335", "Orbbec Femto Bolt", "Orbbec Femto Mega, Femto Bolt"),
+    (oak.KINDS, "oak-d", "OAK-D-LITE", "OAK-D Lite"),
+    (oak.KINDS, "oak-d", "OAK-D-POE", "OAK-D"),
+    (realsense.KINDS, "realsense-d435", "Intel RealSense D415", "RealSense D415"),
+    (realsense.KINDS, "realsense-d435", "Intel RealSense D435I", "RealSense D435"),
+    (realsense.KINDS, "realsense-d435", "Intel RealSense D455", "RealSense D455"),
+    (realsense.KINDS, "realsense-d435", "Intel RealSense D405", "RealSense D405"),
+    (orbbec.KINDS, "orbbec-gemini335", "Orbbec Gemini 2", "Orbbec Gemini 2"),
+    (orbbec.KINDS, "orbbec-gemini335", "Orbbec Gemini 335Lg", "Orbbec Gemini 335"),
+    (orbbec.KINDS, "orbbec-gemini335", "Orbbec Astra 2", "Orbbec Astra 2"),
+    (orbbec.KINDS, "orbbec-gemini335", "Orbbec Femto Bolt", "Orbbec Femto Mega, Femto Bolt"),
 ]
 
 

@@ -36,7 +36,7 @@ more.
 SAMPLED = 1e-4
 """Tolerance in metres: the nearest of 2,001 samples along an axis, and single precision."""
 SURE = np.ones(20)
-NO_DOUBTS = Doubts([], is_body_doubtful=False, has_disagreement=False, is_confirmed=True)
+NO_DOUBTS = Doubts([], is_body_doubtful=False)
 
 
 def forearm_across(forward: float) -> Posture:

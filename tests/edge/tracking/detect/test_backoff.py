@@ -16,7 +16,6 @@ def frames_between(backoff: Backoff, badness: float, trials: int) -> list[int]:
         while not backoff.is_due(badness):
             waited += 1
         gaps.append(waited)
-        backoff.start()
         backoff.record(badness, better=False)
     return gaps
 
@@ -25,32 +24,10 @@ def test_backoff_doubles_up_to_its_maximum():
     assert frames_between(Backoff(6), 0.3, 6) == [1, 2, 4, 6, 6, 6]
 
 
-def test_first_interval_is_the_shortest():
-    assert frames_between(Backoff(120, first_interval=30), 0.3, 4) == [30, 60, 120, 120]
-
-
-def test_good_frame_resets_the_interval():
-    backoff = Backoff(120, first_interval=30)
-    frames_between(backoff, 0.3, 3)
-    backoff.reset()
-    assert frames_between(backoff, 0.3, 2) == [30, 60]
-
-
-def test_interval_counts_from_the_start_of_a_trial():
-    backoff = Backoff(8)
-    frames_between(backoff, 0.3, 2)
-    assert [backoff.is_due(0.3) for _ in range(4)] == [False, False, False, True]
-    backoff.start()
-    assert not backoff.is_due(0.3), "the trial takes a frame"
-    backoff.record(0.3, better=False)
-    assert [backoff.is_due(0.3) for _ in range(7)] == [False] * 6 + [True]
-
-
 def test_successful_method_is_tried_in_every_bad_frame():
     backoff = Backoff(8)
     frames_between(backoff, 0.3, 5)
     assert not backoff.is_due(0.3)
-    backoff.start()
     backoff.record(0.3, better=True)
     assert backoff.is_due(0.3)
 

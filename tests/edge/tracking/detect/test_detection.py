@@ -12,10 +12,9 @@ import pytest
 from people_seen_for_tests import CLASSES, SEEDS, seen_in, seen_person
 
 from enliven.camera import Intrinsics
-from enliven_edge.tracking.body_model import joint_limits, model
+from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.posture import Posture
-from enliven_edge.tracking.detect.appearance import flip_posture
-from enliven_edge.tracking.detect.detection import detect, detect_another
+from enliven_edge.tracking.detect.detection import detect
 from enliven_edge.tracking.detect.fit_quality import fit_quality
 from enliven_edge.tracking.detect.hypotheses import pose_from_estimate
 from enliven_edge.tracking.estimator.labels import FACINGS
@@ -23,7 +22,6 @@ from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import Observation, WorkingCamera, observe_person, world_points
 from enliven_edge.tracking.settings import FitSettings
 from enliven_edge.tracking.work_budget import run_to_end
-from enliven_synthesis.training.rendering import random_build
 
 MEDIAN, FAR, NOT_FAR = 0.08, 0.15, 0.6
 """Maximum median error of visible joints in any class, metres. A larger error, and the minimum fraction of
@@ -119,37 +117,3 @@ def test_upside_down_image_is_detected_alike():
         posture, _ = run_to_end(detect(fitter, each, eye, 1.72, *seen_in(each)))
         off = np.linalg.norm(posture.joints() - figure.joints, axis=1)
         assert np.median(off) < 0.12
-
-
-def test_known_person_is_detected_with_their_own_bones():
-    """A kneeling person does not show their height, but a known person's height is available."""
-    known_errors, unknown_errors = [], []
-    for seed in SEEDS:
-        observation, figure = seen_person("kneeling", seed)
-        eye, fitter = observation.view[4][:3, 3], Fitter(FitSettings())
-        lengths = model.lengths_for_height(random_build(np.random.default_rng([41, seed])).height)
-        for off, bones in ((unknown_errors, None), (known_errors, lengths)):
-            posture, _ = run_to_end(detect(fitter, observation, eye, 1.3, *seen_in(observation), bones))
-            off.append(np.linalg.norm(posture.joints() - figure.joints, axis=1).mean())
-    assert np.mean(known_errors) < np.mean(unknown_errors)
-
-
-def test_new_posture_is_searched_only_if_it_may_be_better():
-    """A well fitted person is unchanged. A person fitted with another posture is detected again."""
-    observation, _ = seen_person("one leg up", SEEDS[0])
-    fitter, eye = Fitter(FitSettings()), observation.view[4][:3, 3]
-    seen, by_facing = seen_in(observation)
-    right, report = run_to_end(detect(fitter, observation, eye, 1.72, seen, by_facing))
-    again = run_to_end(detect_another(fitter, observation, seen, eye, 1.72, right, by_facing))
-    assert again is None or np.linalg.norm(again[0].joints() - right.joints(), axis=1).mean() < 0.05
-    for wrong in (standing_as(right), flip_posture(right)):
-        found_again = run_to_end(detect_another(fitter, observation, seen, eye, 1.72, wrong, by_facing))
-        assert found_again is not None
-        assert found_again[1].energy < 1.2 * report.energy
-
-
-def standing_as(posture: Posture) -> Posture:
-    """Returns another person's posture at the same position."""
-    upright = posture.copy()
-    upright.rotations = joint_limits.standing_pose(2.0, arm_raise=1.4)
-    return upright

@@ -14,8 +14,6 @@ from enliven.person.joints import Joint
 from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.detect import recovery
-from enliven_edge.tracking.detect.appearance import flip_posture
-from enliven_edge.tracking.detect.body_proposals import propose_bodies
 from enliven_edge.tracking.detect.fitted_frame import FittedFrame
 from enliven_edge.tracking.detect.recovery import PoseRecovery
 from enliven_edge.tracking.fit.fit import Fitter
@@ -82,14 +80,6 @@ def test_limb_is_not_moved_against_the_depth():
     observation = observed(standing())
     recovered = reconsidered(observation, standing(), seen_of(arm_out(), observation))
     assert off(recovered, standing(), LEFT_ARM) < 0.08
-
-
-def test_whole_body_candidate_keeps_the_facing():
-    """An estimate with the opposite facing is first turned around."""
-    observation = observed(standing())
-    idea = next(propose_bodies(observation, standing(), seen_of(flip_posture(standing()), observation)))
-    assert idea.rotations[model.PELVIS][2, 2] > 0.5
-    assert off(idea, standing(), slice(None)) < 0.1
 
 
 def with_landmarks(observation: Observation, posture: Posture, joints=range(20)) -> Observation:

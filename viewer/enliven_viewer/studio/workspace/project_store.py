@@ -56,6 +56,7 @@ class ProjectStore:
 
     Attributes:
         recording: the recording onto the timeline, which counts as unsaved work while it runs.
+        saved_at: monotonic time of the last save or recovery file, in seconds.
     """
 
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
@@ -65,7 +66,7 @@ class ProjectStore:
         self.folder = folder or user_data_folder()
         self._saved: Project = editor.history.project
         self._autosaved: Project = self._saved
-        self._saved_at = time.monotonic()
+        self.saved_at = time.monotonic()
         self._pause = 0.0
         # Checksum of the file's content when this window last read or wrote it.
         self._content = ""
@@ -197,8 +198,8 @@ class ProjectStore:
         if self._writing is not None:
             if self._writing[0].done():
                 self.settle()
-        elif now - self._saved_at >= max(self.editor.settings.autosave, self._pause):
-            self._saved_at = now
+        elif now - self.saved_at >= max(self.editor.settings.autosave, self._pause):
+            self.saved_at = now
             self._begin_writing()
 
     def autosave_now(self) -> None:
