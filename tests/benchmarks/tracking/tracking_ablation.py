@@ -103,7 +103,6 @@ MECHANISMS = (
     Mechanism("flips of the facing", ((Facing, "is_wrong", _returns(False)),)),
     Mechanism("second, wide fit", ((follower, "_MIN_EXPLAINED", -1.0),)),
     Mechanism("standing hypotheses", ((detection, "make_standing_starts", _returns([])),)),
-    Mechanism("second likeliest facing", ((detection, "_FACING_CANDIDATES", 1),)),
     Mechanism("flipped best hypothesis", ((detection, "flip_posture", lambda posture: posture),)),
     Mechanism("search in unions of blobs", ((search, "_SINGLE_PERSON", 2.0),)),
     Mechanism("search without touching objects", ((follower, "_MIN_BARE_FRACTION", 2.0),)),

@@ -1,6 +1,6 @@
 """Detection: finds a person's posture in one frame by fitting several hypotheses and keeping the best.
 
-With the network, its estimates for each likely facing are hypotheses, and it contributes to the ranking.
+With the network, its estimates for the likeliest facings are hypotheses, and it contributes to the ranking.
 Without it, a bank of postures is aligned with the extremities of the surface. Standing postures are added.
 """
 
@@ -31,9 +31,6 @@ _DUPLICATE_DISTANCE_M = 0.12
 """Maximum distance in metres between the corresponding joints of two hypotheses that count as equal. Fits of
 both would end in the same posture.
 """
-_FACING_CANDIDATES = 3
-"""Number of likeliest facings for which the network is run again, in addition to runs without a facing and
-with the opposite one."""
 _LENGTH_WEIGHTS = np.full(len(model.LENGTHS), 30.0)
 """(12,) weights of the lengths' prior in a refinement. They are low, because the person is not measured
 yet."""
@@ -167,9 +164,12 @@ def _choose_best_distinct(ranked: list[tuple[float, Posture]], max_count: int) -
 def estimates_by_facing(
     estimator: PoseEstimator, estimate: Estimate, world_from_camera: Float
 ) -> Steps[list[Estimate]]:
-    """Runs the network on the crop of an estimate, conditioned on each likely facing, one after the other."""
-    likeliest = np.argsort(-estimate.facing)[:_FACING_CANDIDATES]
-    turns = [float(index) for index in likeliest] + [float(likeliest[0]) + 0.5 * FACINGS]
+    """Runs the network on the crop of an estimate without a facing, with the likeliest one, and its opposite.
+
+    It is a generator that yields its costs.
+    """
+    likeliest = float(np.argmax(estimate.facing))
+    turns = (likeliest, likeliest + 0.5 * FACINGS)
     estimates: list[Estimate] = []
     for facing in (None, *(turn * 2.0 * np.pi / FACINGS for turn in turns)):
         estimates += estimator.estimates(estimate.crop, world_from_camera, [facing])
@@ -191,6 +191,8 @@ def _create_hypotheses(
         height: metres.
     """
     builds = likely_builds(observation, height)
+    # The network needs no standing postures to find people. But without them, two of four pushed chairs were
+    # taken for a person.
     standing = make_standing_starts(observation, eye, builds[-1])
     if by_facing:
         yield _POSTURE_COST * len(builds)

@@ -85,14 +85,14 @@ def test_best_network_posture_is_near_the_truth_for_most():
     assert np.median(best) < SUPPOSED
 
 
-def test_network_postures_cover_likely_facings_and_the_opposite():
+def test_network_postures_cover_the_likeliest_facing_and_the_opposite():
     observation, _ = seen_person("side", SEEDS[0])
     sighting, by_facing = seen_in(observation)
-    likeliest = np.argsort(-sighting.estimate.facing)[:3]
-    assert len(by_facing) == 5
+    likeliest = np.argmax(sighting.estimate.facing)
+    assert len(by_facing) == 3
     assert all(each.crop is sighting.estimate.crop for each in by_facing)
     np.testing.assert_allclose(by_facing[0].joints, sighting.estimate.joints, atol=1e-3)
-    ways = [2 * np.pi / FACINGS * way for way in (*likeliest, likeliest[0] + FACINGS / 2)]
+    ways = [2 * np.pi / FACINGS * way for way in (likeliest, likeliest + FACINGS / 2)]
     for way, each in zip(ways, by_facing[1:], strict=True):
         estimate = seen_in(observation, facing=way)[0].estimate
         np.testing.assert_allclose(each.joints, estimate.joints, atol=1e-3)
