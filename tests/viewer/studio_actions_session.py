@@ -162,7 +162,7 @@ def keys(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     """Assigns another key to an action: first a free key, then another action's."""
     workspace = window.workspace
     actions, bones = workspace.actions, workspace.actions["view.bones"]
-    workspace.ask("preferences")
+    workspace.open_dialogue("preferences")
     ctx.yield_(3)
     change_key(ctx, "view.bones", "j")
     report["free key"] = [actions.find_shortcuts(bones), workspace.wanted_key.key]
@@ -177,7 +177,7 @@ def keys(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     press(ctx, "f")
     report["by the new key"] = workspace.editor.show_bones
     actions.reset_shortcuts()
-    workspace.ask("preferences")
+    workspace.open_dialogue("preferences")
     ctx.yield_(3)
     ctx.set_ref(ctx.window_info("//###Preferences/##keys").id_)
     ctx.item_click("\uf00d##no view.bones")
@@ -186,7 +186,7 @@ def keys(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     ctx.item_click("//###Preferences/###Close")
     actions.reset_shortcuts()
     picture(ctx, "window")
-    workspace.ask("help")
+    workspace.open_dialogue("help")
     picture(ctx, "help")
     workspace.cancel()
     ctx.yield_(2)

@@ -97,7 +97,7 @@ def test_session_is_saved_and_opens_next_to_the_others(tmp_path) -> None:
     workspace, _ = studio(tmp_path / "recovery", *NAMES)
     workspace.store.new(acting())
     workspace.editor.select_only("star")
-    workspace.ask("session")
+    workspace.open_dialogue("session")
     assert (
         workspace.asking == "session"
         and workspace.browser is not None
@@ -125,7 +125,7 @@ def test_puppets_are_exported_as_glb_with_their_error(tmp_path) -> None:
     workspace, _ = studio(tmp_path / "recovery", *NAMES)
     workspace.store.new(acting())
     before = workspace.editor.project
-    workspace.ask("export")
+    workspace.open_dialogue("export")
     workspace.finish_file_dialog(tmp_path / "star.glb")
     assert workspace.editor.background.busy
     workspace.editor.background.finish()
@@ -143,7 +143,7 @@ def test_failed_export_is_reported_and_exports_are_queued(tmp_path) -> None:
     workspace, _ = studio(tmp_path / "recovery", *NAMES)
     workspace.store.new(acting())
     (tmp_path / "file").write_text("in the way")
-    workspace.ask("export")
+    workspace.open_dialogue("export")
     workspace.finish_file_dialog(tmp_path / "file" / "star.glb")
     workspace.editor.background.begin("second", lambda: "never", workspace.editor.toasts.show_message)
     assert "still running" in said(workspace)

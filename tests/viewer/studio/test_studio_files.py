@@ -90,11 +90,11 @@ def test_unwritable_path_is_reported_and_work_stays_unsaved(workspace: Workspace
 @pytest.mark.parametrize("wish", ["new", "quit"])
 def test_unsaved_work_is_not_discarded_without_asking(workspace: Workspace, tmp_path, wish: str) -> None:
     before = workspace.editor.project
-    workspace.ask(wish)
+    workspace.actions.do(f"file.{wish}")
     assert workspace.asking == "unsaved" and workspace.editor.project is before and not workspace.ended
     workspace.cancel()
     assert workspace.asking == "" and workspace.editor.project is before and not workspace.ended
-    workspace.ask(wish)
+    workspace.actions.do(f"file.{wish}")
     workspace.continue_waiting_command(discard=False)
     assert workspace.asking == "save as" and workspace.browser is not None
     workspace.finish_file_dialog(tmp_path / "kept.enliven")
@@ -103,10 +103,10 @@ def test_unsaved_work_is_not_discarded_without_asking(workspace: Workspace, tmp_
 
 
 def test_discarding_continues_at_once(workspace: Workspace) -> None:
-    workspace.ask("new")
+    workspace.start_project()
     workspace.continue_waiting_command(discard=True)
     assert workspace.editor.project.shapes == {} and "wave" in workspace.editor.project.takes
-    workspace.ask("quit")
+    workspace.quit()
     assert workspace.ended, "a new project has nothing to lose"
 
 
@@ -166,7 +166,7 @@ def test_unknown_file_type_is_reported_with_known_types(workspace: Workspace, tm
 
 
 def test_shapes_go_out_as_glb_and_come_in_again(workspace: Workspace, tmp_path) -> None:
-    workspace.ask("export")
+    workspace.open_dialogue("export")
     assert workspace.asking == "export" and workspace.browser is not None
     workspace.finish_file_dialog(tmp_path / "out.glb")
     workspace.editor.background.finish()
@@ -368,7 +368,7 @@ def test_two_models_with_clips_of_one_name_keep_their_own(tmp_path) -> None:
 
 def test_recent_files_are_kept_between_runs_and_opened_again(workspace: Workspace, tmp_path) -> None:
     assert "Ctrl+O" in workspace.actions["file.again"].why_not()
-    workspace.ask("save")
+    workspace.save_or_ask()
     workspace.finish_file_dialog(tmp_path / "work.enliven")
     after = Workspace.new(Editor(), tmp_path / "recovery")
     assert [Path(name).name for name in after.preferences.recent] == ["work.enliven"]
@@ -379,11 +379,11 @@ def test_recent_files_are_kept_between_runs_and_opened_again(workspace: Workspac
 
 def test_a_save_that_fails_does_not_quit_later(workspace: Workspace, tmp_path) -> None:
     (tmp_path / "file").write_text("in the way")
-    workspace.ask("quit")
+    workspace.quit()
     workspace.continue_waiting_command(discard=False)
     with pytest.raises(ResourceError):
         workspace.finish_file_dialog(tmp_path / "file" / "work.enliven")
-    workspace.ask("save")
+    workspace.save_or_ask()
     workspace.finish_file_dialog(tmp_path / "work.enliven")
     assert not workspace.ended and not workspace.store.dirty
 

@@ -78,11 +78,11 @@ def seconds(path: Path) -> float:
 @pytest.mark.parametrize("wish", ["quit", "new"])
 def test_a_clean_project_asks_while_it_records(workspace: Workspace, tmp_path: Path, wish: str) -> None:
     assert workspace.store.dirty and workspace.store.title.startswith("*")
-    workspace.ask(wish)
+    workspace.actions.do(f"file.{wish}")
     assert workspace.asking == "unsaved" and not workspace.ended
     workspace.cancel()
     assert workspace.recording.phase == "recording", "it went on meanwhile"
-    workspace.ask(wish)
+    workspace.actions.do(f"file.{wish}")
     workspace.continue_waiting_command(discard=False)
     assert seconds(tmp_path / "work.enliven") > 0.9
     assert workspace.recording.phase == "idle"
@@ -99,31 +99,31 @@ def test_opening_another_project_asks_while_it_records(workspace: Workspace, tmp
 
 def test_discarding_drops_the_recording_and_nothing_else(workspace: Workspace, tmp_path: Path) -> None:
     before = (tmp_path / "work.enliven").read_bytes()
-    workspace.ask("quit")
+    workspace.quit()
     workspace.continue_waiting_command(discard=True)
     assert workspace.ended and not workspace.recording.recorder.recording
     assert (tmp_path / "work.enliven").read_bytes() == before
 
 
 def test_saving_during_a_recording_stores_the_take_so_far(workspace: Workspace, tmp_path) -> None:
-    workspace.ask("save")
+    workspace.save_or_ask()
     first = seconds(tmp_path / "work.enliven")
     assert first > 0.9 and workspace.recording.phase == "recording" and workspace.store.dirty
     perform(workspace, 60)
-    workspace.ask("save")
+    workspace.save_or_ask()
     assert seconds(tmp_path / "work.enliven") > first + 0.9
     workspace.recording.stop()
     assert workspace.store.dirty
-    workspace.ask("save")
+    workspace.save_or_ask()
     assert not workspace.store.dirty and seconds(tmp_path / "work.enliven") > 1.9
     assert [name for name in workspace.editor.project.takes if "take 1" in name] == ["take 1"]
 
 
 def test_a_recording_that_is_given_up_after_it_was_saved_can_be_saved_away(workspace, tmp_path: Path) -> None:
-    workspace.ask("save")
+    workspace.save_or_ask()
     workspace.recording.discard()
     assert workspace.store.dirty, "the file has what the window no longer has"
-    workspace.ask("save")
+    workspace.save_or_ask()
     assert not workspace.store.dirty and not seconds(tmp_path / "work.enliven")
 
 

@@ -36,32 +36,32 @@ def characters(path: Path) -> list[str]:
 
 def test_the_last_save_asks_and_writes_nothing(windows, tmp_path: Path) -> None:
     first, second = windows
-    first.ask("save")
+    first.save_or_ask()
     assert first.asking == "" and characters(tmp_path / "work.enliven") == ["first", "shared"]
-    second.ask("save")
+    second.save_or_ask()
     assert second.asking == "changed" and second.store.dirty
     assert characters(tmp_path / "work.enliven") == ["first", "shared"]
     second.cancel()
     assert second.asking == "" and second.store.dirty
-    second.ask("save")
+    second.save_or_ask()
     second.save(over=True)
     assert characters(tmp_path / "work.enliven") == ["second", "shared"] and not second.store.dirty
     first.editor.edit("rename", lambda project: project.drop_character("first"))
-    first.ask("save")
+    first.save_or_ask()
     assert first.asking == "changed", "and so on, in turn"
 
 
 @pytest.mark.parametrize("name", ["work.enliven", "link.enliven"])
 def test_save_as_keeps_both(windows, tmp_path: Path, name: str) -> None:
     first, second = windows
-    first.ask("save")
-    second.ask("save")
+    first.save_or_ask()
+    second.save_or_ask()
     second.ask_for_name()
     assert second.asking == "save as"
     second.finish_file_dialog(tmp_path / "mine.enliven")
     assert characters(tmp_path / "mine.enliven") == ["second", "shared"]
     assert characters(tmp_path / "work.enliven") == ["first", "shared"]
-    second.ask("save")
+    second.save_or_ask()
     assert second.asking == ""
     # Neither the changed file's own name nor a link to it avoids the question.
     first.store.path, other = tmp_path / "work.enliven", tmp_path / name
@@ -77,8 +77,8 @@ def test_save_as_keeps_both(windows, tmp_path: Path, name: str) -> None:
 def test_both_are_compared_and_brought_together(windows, tmp_path: Path) -> None:
     first, second = windows
     first.editor.edit("mark", lambda p: type(p)(**{**vars(p), "markers": {"jump": Marker("jump", 1.0)}}))
-    first.ask("save")
-    second.ask("save")
+    first.save_or_ask()
+    second.save_or_ask()
     second.compare()
     assert {(difference.item, difference.side) for difference in second.compared} == {
         ("character first", "only in the file"),
@@ -96,20 +96,20 @@ def test_both_are_compared_and_brought_together(windows, tmp_path: Path) -> None
 
 def test_quit_waiting_for_the_save_continues_after_the_answer(windows) -> None:
     first, second = windows
-    first.ask("save")
-    second.ask("quit")
+    first.save_or_ask()
+    second.quit()
     second.continue_waiting_command(discard=False)
     assert second.asking == "changed" and not second.ended
     second.save(over=True)
     assert second.ended
-    first.ask("quit")
+    first.quit()
     assert not first.store.dirty and first.ended, "nothing of this window is unsaved"
 
 
 def test_an_answer_of_cancel_does_not_quit_later(windows) -> None:
     first, second = windows
-    first.ask("save")
-    second.ask("quit")
+    first.save_or_ask()
+    second.quit()
     second.continue_waiting_command(discard=False)
     second.cancel()
     second.save(over=True)
@@ -121,31 +121,31 @@ def test_unchanged_content_asks_no_question(windows, tmp_path: Path) -> None:
     second = windows[1]
     path = tmp_path / "work.enliven"
     os.utime(path, (1e9, 1e9))
-    second.ask("save")
+    second.save_or_ask()
     assert second.asking == "" and not second.store.dirty
     path.write_bytes(path.read_bytes())
     second.editor.edit("rename", lambda project: project.drop_character("second"))
     path.unlink()
-    second.ask("save")
+    second.save_or_ask()
     assert second.asking == "" and characters(path) == ["shared"]
 
 
 def test_equal_edits_in_two_windows_ask_no_question(windows, tmp_path: Path) -> None:
     first, second = windows
-    first.ask("save")
+    first.save_or_ask()
     assert second.run_and_report(lambda: second.open(tmp_path / "work.enliven"))
     second.continue_waiting_command(discard=True)
     assert are_identical(first.editor.project, second.editor.project)
     for window in windows:
         window.editor.edit("remove", lambda project: project.drop_character("shared"))
-        window.ask("save")
+        window.save_or_ask()
         assert window.asking == "" and not window.store.dirty
 
 
 def test_a_file_that_was_damaged_meanwhile_can_be_saved_over(windows, tmp_path: Path) -> None:
     second = windows[1]
     (tmp_path / "work.enliven").write_bytes(b"not a project")
-    second.ask("save")
+    second.save_or_ask()
     assert second.asking == "changed"
     second.compare()
     assert second.compared is None and second.editor.toasts.shown[-1].is_error

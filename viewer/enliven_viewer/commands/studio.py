@@ -75,7 +75,7 @@ def studio(
         workspace.open(file)
     workspace.starting = not files
     if workspace.store.list_recoverable():
-        workspace.ask("recover")
+        workspace.open_dialogue("recover")
     outputs = collect_output_settings(out or [], chosen_settings.outputs)
     opened = open_outputs(outputs, settings.parent if settings else None)
     with WindowOutputs(workspace, opened) as sending:

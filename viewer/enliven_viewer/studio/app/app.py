@@ -204,7 +204,7 @@ class App:
         """Returns True if the project has a file without unsaved changes. False without a workspace."""
         return False
 
-    def ask(self, dialogue: str) -> None:
+    def open_dialogue(self, name: str) -> None:
         """Opens a dialogue. The workspace has the dialogues; an application alone has none."""
 
     def finish_file_dialog(self, path: Path) -> None:

@@ -176,7 +176,7 @@ class StudioWindow:
 
         With unsaved work, a dialogue opens instead.
         """
-        self.workspace.ask("quit")
+        self.workspace.quit()
         return self.workspace.ended
 
     def pixels(self) -> UInt8:
@@ -291,6 +291,6 @@ class StudioWindow:
         if key == "f11":
             self._window_rectangle = toggle_full_screen(glfw_window_hello_imgui(), self._window_rectangle)
         elif key == "escape" and self.opening.escape_ends and self.workspace.recording.phase == "idle":
-            self.workspace.ask("quit")
+            self.workspace.quit()
         else:
             self.workspace.input.key(key)

@@ -5,7 +5,9 @@ Menus, shortcuts, buttons, command palette and help are built from them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import partial
+from typing import Protocol
 
 from enliven.document import ExampleCharacter
 from enliven.errors import EnlivenError
@@ -35,27 +37,52 @@ the reason.
 """
 _TIME_SHIFT_S = 0.1
 """Time shift in seconds per key press: clearly visible, but small enough to stagger copies."""
-OpenDialog = Callable[[str], None]
-"""A function that opens the dialogue of a given name, or runs the command directly if it needs
-no dialogue.
-"""
+
+
+class WindowCommands(Protocol):
+    """The commands of the window that create, open and close projects, and open dialogues."""
+
+    def open_dialogue(self, name: str) -> None:
+        """Opens a dialogue."""
+
+    def start_project(self) -> None:
+        """Starts a new project."""
+
+    def open_recent(self) -> None:
+        """Opens the last file again."""
+
+    def save_or_ask(self) -> None:
+        """Saves the project. Asks for a name if it has none."""
+
+    def quit(self) -> None:
+        """Closes the studio."""
+
+    def toggle_start_page(self) -> None:
+        """Shows or hides the start page."""
+
+    def toggle_history(self) -> None:
+        """Shows or hides the list of edits."""
+
+    def add_sample(self, name: str) -> None:
+        """Adds a sample."""
 
 
 def make_studio_actions(
-    commands: Commands, user_input: ViewportInput, ask: OpenDialog, preferences: Preferences
+    commands: Commands, user_input: ViewportInput, window: WindowCommands, preferences: Preferences
 ) -> Iterator[Action]:
     """Yields every action of the studio's own menus, in menu order."""
     editor = commands.editor
-    for action in _make_actions(commands, user_input, ask, preferences):
+    for action in _make_actions(commands, user_input, window, preferences):
         yield require_single_shape(action, editor) if action.id in _SINGLE_SHAPE_ACTIONS else action
 
 
 def _make_actions(
-    commands: Commands, user_input: ViewportInput, ask: OpenDialog, preferences: Preferences
+    commands: Commands, user_input: ViewportInput, window: WindowCommands, preferences: Preferences
 ) -> Iterator[Action]:
-    yield from _make_file_actions(ask, preferences)
-    yield from _make_export_actions(commands, ask)
-    yield from _make_edit_actions(commands, user_input, ask)
+    show = window.open_dialogue
+    yield from _make_file_actions(window, preferences)
+    yield from _make_export_actions(commands, window)
+    yield from _make_edit_actions(commands, user_input, window)
     yield from make_choosing_actions(commands.editor)
     yield _make_snap_action(commands.editor)
     yield from _make_motion_actions(commands)
@@ -66,45 +93,49 @@ def _make_actions(
     yield from make_camera_actions(commands)
     yield from make_view_actions(commands.editor)
     yield from make_reading_actions(preferences)
-    yield Action("help.palette", "Help", "Find an action...", ("ctrl+k",), lambda: ask("palette"))
+    yield Action("help.palette", "Help", "Find an action...", ("ctrl+k",), lambda: show("palette"))
     yield Action(
         "help.start",
         "Help",
         "Start page",
         (),
-        lambda: ask("start"),
+        window.toggle_start_page,
         about="Shows the start page with samples and recent files.",
     )
     for name, label in SAMPLES.items():
-        do = lambda name=name: ask(f"sample {name}")  # noqa: E731
+        do = partial(window.add_sample, name)
         yield Action(
             f"sample.{name}", "Help", label, (), do, about="Opens a sample character.", apart=name == "cactus"
         )
-    yield Action("help.keys", "Help", "Keyboard shortcuts", ("f1", "h"), lambda: ask("help"))
+    yield Action("help.keys", "Help", "Keyboard shortcuts", ("f1", "h"), lambda: show("help"))
 
 
-def _make_file_actions(ask: OpenDialog, preferences: Preferences) -> Iterator[Action]:
+def _make_file_actions(window: WindowCommands, preferences: Preferences) -> Iterator[Action]:
+    show = window.open_dialogue
+
     def describe_missing_recent() -> str:
         return "" if preferences.recent else "No file was opened yet. Press Ctrl+O to open a file."
 
-    yield Action("file.new", "File", "New", ("ctrl+n",), lambda: ask("new"))
+    yield Action("file.new", "File", "New", ("ctrl+n",), window.start_project)
     yield Action(
         "file.open",
         "File",
         "Open...",
         ("ctrl+o",),
-        lambda: ask("open"),
+        lambda: show("open"),
         about="Opens a project, a model, a mesh or a take.",
     )
     description = "Reopen the last file"
     yield Action(
-        "file.again", "File", description, ("ctrl+shift+o",), lambda: ask("again"), describe_missing_recent
+        "file.again", "File", description, ("ctrl+shift+o",), window.open_recent, describe_missing_recent
     )
-    yield Action("file.save", "File", "Save", ("ctrl+s",), lambda: ask("save"), apart=True)
-    yield Action("file.save_as", "File", "Save as...", ("ctrl+shift+s",), lambda: ask("save as"))
+    yield Action("file.save", "File", "Save", ("ctrl+s",), window.save_or_ask, apart=True)
+    yield Action("file.save_as", "File", "Save as...", ("ctrl+shift+s",), lambda: show("save as"))
 
 
-def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action]:
+def _make_export_actions(commands: Commands, window: WindowCommands) -> Iterator[Action]:
+    show = window.open_dialogue
+
     def describe_missing_export() -> str:
         try:
             list_exportable(commands.editor.project)
@@ -124,7 +155,7 @@ def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action
         "File",
         "Export...",
         ("ctrl+e",),
-        lambda: ask("export"),
+        lambda: show("export"),
         describe_missing_export,
         about="Exports all shapes with their motion for other programs: as GLB, or as "
         "BVH for one shape with bones.",
@@ -135,7 +166,7 @@ def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action
         "File",
         "Film...",
         ("ctrl+shift+f",),
-        lambda: ask("film"),
+        lambda: show("film"),
         describe_missing_export,
         about="Renders all shapes in motion as an MP4 film.",
     )
@@ -144,17 +175,24 @@ def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action
         "File",
         "Save the puppet's examples...",
         ("ctrl+shift+e",),
-        lambda: ask("session"),
+        lambda: show("session"),
         describe_missing_puppet,
         about="Saves the puppet's control points and key poses in a text file that you can edit.",
     )
     yield Action(
-        "file.preferences", "File", "Preferences...", ("ctrl+comma",), lambda: ask("preferences"), apart=True
+        "file.preferences",
+        "File",
+        "Preferences...",
+        ("ctrl+comma",),
+        lambda: show("preferences"),
+        apart=True,
     )
-    yield Action("file.quit", "File", "Quit", ("ctrl+q",), lambda: ask("quit"), apart=True)
+    yield Action("file.quit", "File", "Quit", ("ctrl+q",), window.quit, apart=True)
 
 
-def _make_edit_actions(commands: Commands, user_input: ViewportInput, ask: OpenDialog) -> Iterator[Action]:
+def _make_edit_actions(
+    commands: Commands, user_input: ViewportInput, window: WindowCommands
+) -> Iterator[Action]:
     c, editor = commands, commands.editor
     yield Action("edit.undo", "Edit", "Undo", ("ctrl+z",), editor.undo, c.describe_missing_undo)
     yield Action(
@@ -165,7 +203,7 @@ def _make_edit_actions(commands: Commands, user_input: ViewportInput, ask: OpenD
         "Edit",
         "History",
         ("ctrl+h",),
-        lambda: ask("history"),
+        window.toggle_history,
         about="Lists all edits. Click an edit to return to that state.",
     )
     yield Action("edit.copy", "Edit", "Copy", ("ctrl+c",), c.copy, c.describe_missing_character, apart=True)

@@ -4,6 +4,7 @@ widgets.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -69,7 +70,7 @@ class Workspace(App):
         editor.less_motion = lambda: self.preferences.less_motion
         self.commands = Commands(editor)
         self.file_types += FILE_TYPES
-        self.actions.add(*make_studio_actions(self.commands, self.input, self.ask, self.preferences))
+        self.actions.add(*make_studio_actions(self.commands, self.input, self, self.preferences))
         self.input.key_filter = lambda key: (
             self.actions.press(key, workspace_only=True) or any(handle(key) for handle in self.key_handlers)
         )
@@ -81,8 +82,7 @@ class Workspace(App):
         self.history_shown, self.history_seen = False, (0, 0)
         self.ended = False
         self.compared: tuple[Difference, ...] | None = None
-        self._after = ""
-        self._path_to_open: Path | None = None
+        self._waiting_command: Callable[[], object] | None = None
         register_features(self)
         self.store.recording = self.recording
 
@@ -93,31 +93,33 @@ class Workspace(App):
         workspace.store.new(Project().with_takes(*read_library()))
         return workspace
 
-    def ask(self, dialogue: str) -> None:
-        """Opens a dialogue, or runs the command directly if it needs no dialogue."""
-        if dialogue in ("new", "quit") and self.store.dirty:
-            self._after, self.asking = dialogue, "unsaved"
-        elif dialogue == "new":
-            self.store.new(Project().with_takes(*read_library()))
-        elif dialogue == "quit":
-            self.ended = True
-        elif dialogue == "start":
-            self.starting = not self.starting
-        elif dialogue.startswith("sample "):
-            self._add_sample(dialogue.removeprefix("sample "))
-        elif dialogue == "again":
-            self.open(Path(self.preferences.recent[0]))
-        elif dialogue == "history":
-            self.history_shown = not self.history_shown
-        elif dialogue == "save" and self.store.path is not None:
-            self.run_and_report(self.save)
-        elif dialogue in ("open", "save", "save as", "export", "film", "session", *self.file_dialogs):
-            self._browse("save as" if dialogue == "save" else dialogue)
+    def open_dialogue(self, name: str) -> None:
+        """Opens a dialogue, such as "open", "export" or "preferences"."""
+        if name in self._list_file_endings():
+            self._browse(name)
         else:
             self.finding, self.wanted_key = PaletteSearch(self.actions), ShortcutCapture()
-            self.asking = dialogue
+            self.asking = name
 
-    def _add_sample(self, name: str) -> None:
+    def start_project(self) -> None:
+        """Starts a new project with the library of motions. Asks first if unsaved work would be lost."""
+        if not self._asks_about_unsaved(self.start_project):
+            self.store.new(Project().with_takes(*read_library()))
+
+    def quit(self) -> None:
+        """Closes the studio. Asks first if unsaved work would be lost."""
+        if not self._asks_about_unsaved(self.quit):
+            self.ended = True
+
+    def toggle_start_page(self) -> None:
+        """Shows or hides the start page."""
+        self.starting = not self.starting
+
+    def toggle_history(self) -> None:
+        """Shows or hides the list of edits."""
+        self.history_shown = not self.history_shown
+
+    def add_sample(self, name: str) -> None:
         """Adds a sample.
 
         A mesh for possession is also put onto the stage, now or once a stage is connected.
@@ -127,14 +129,19 @@ class Workspace(App):
         if character is not None and character.is_possessable:
             self.live.put(character.id)
 
+    def open_recent(self) -> None:
+        """Opens the last file again."""
+        self.open(Path(self.preferences.recent[0]))
+
     def open(self, path: Path) -> None:
         """Adds a model or take, or opens a project. Asks first if unsaved work would be lost.
 
         Raises:
             InputError: if the file cannot be read.
         """
-        if path.suffix.lower() == PROJECT_SUFFIX and self.store.dirty:
-            self._after, self._path_to_open, self.asking = "open", path, "unsaved"
+        if path.suffix.lower() == PROJECT_SUFFIX and self._asks_about_unsaved(
+            lambda: self.run_and_report(lambda: self.open(path))
+        ):
             return
         if _is_large(path) and not lacks_tracking(path):
             self._open_next_to_current(path)
@@ -210,10 +217,7 @@ class Workspace(App):
             return
         # Stop the recording first, so that it becomes part of the saved project.
         self.recording.stop()
-        if self.store.path is not None:
-            self.run_and_report(self.save)
-        else:
-            self._browse("save as")
+        self.save_or_ask()
 
     def save(self, path: Path | None = None, *, over: bool = False) -> None:
         """Saves the project, then continues the command that waited for it.
@@ -239,6 +243,13 @@ class Workspace(App):
             if path is not None:
                 self.preferences.remember_file(path)
             self._run_waiting_command()
+
+    def save_or_ask(self) -> None:
+        """Saves the project. Asks for a name if it has none."""
+        if self.store.path is None:
+            self.ask_for_name()
+        else:
+            self.run_and_report(self.save)
 
     def ask_for_name(self) -> None:
         """Opens the dialogue that saves the project under another name.
@@ -271,7 +282,7 @@ class Workspace(App):
 
     def cancel(self) -> None:
         """Closes the dialogue and drops the waiting command."""
-        self.asking, self._after, self._path_to_open = "", "", None
+        self.asking, self._waiting_command = "", None
 
     def _draw_tracking(self) -> None:
         # Imported late, so that a workspace without a window works without ImGui.
@@ -304,16 +315,20 @@ class Workspace(App):
 
         self.editor.background.begin(tr("Writing {0}", path.name), work, tell, progress)
 
-    def _browse(self, dialogue: str) -> None:
-        folder = self.store.path.parent if self.store.path else Path.cwd()
-        endings = {
+    def _list_file_endings(self) -> dict[str, tuple[str, ...]]:
+        """Returns the suffixes of the files that each file dialogue shows, by the dialogue's name."""
+        return {
             "open": (PROJECT_SUFFIX, *list_suffixes(self.file_types)),
             "save as": (PROJECT_SUFFIX,),
             "export": EXPORT_SUFFIXES,
             "film": (FILM_SUFFIX,),
             "session": SESSION_SUFFIXES,
             **{name: opened.suffixes for name, opened in self.file_dialogs.items()},
-        }[dialogue]
+        }
+
+    def _browse(self, dialogue: str) -> None:
+        folder = self.store.path.parent if self.store.path else Path.cwd()
+        endings = self._list_file_endings()[dialogue]
         puppet, unnamed = self.editor.find_selected(ExampleCharacter), self.store.path is None
         about_it = dialogue == "session" or (dialogue in ("export", "film") and unnamed)
         stem = puppet.id if puppet is not None and about_it else self.store.name
@@ -323,14 +338,17 @@ class Workspace(App):
         self.browser = FileBrowser(folder, endings, name, not opens, project_path)
         self.asking = dialogue
 
+    def _asks_about_unsaved(self, command: Callable[[], object]) -> bool:
+        """Opens the dialogue about unsaved work, if there is any. ``command`` then waits for the decision."""
+        if self.store.dirty:
+            self._waiting_command, self.asking = command, "unsaved"
+        return self.store.dirty
+
     def _run_waiting_command(self) -> None:
         """Runs the command that waited for the decision about unsaved work."""
-        after, self._after = self._after, ""
-        path, self._path_to_open = self._path_to_open, None
-        if after == "open" and path is not None:
-            self.run_and_report(lambda: self.open(path))
-        elif after:
-            self.ask(after)
+        command, self._waiting_command = self._waiting_command, None
+        if command is not None:
+            command()
 
 
 def _is_large(path: Path) -> bool:

@@ -194,7 +194,7 @@ def _draw_stage_options(app: App, perform: PerformSession, area: Area) -> None:
         "Plays the recording that comes with enliven in a loop, as if a person stood in front of the camera"
     )
     if imgui.button(labelled(tr("Your own recording..."), "Your own recording..."), _FULL_WIDTH):
-        app.ask("perform")
+        app.open_dialogue("perform")
     app.remember("recording of yours")
     draw_tooltip("Plays your camera recording or motion capture (.bvh) in a loop")
     if imgui.button(labelled(tr("A webcam"), "A webcam"), _FULL_WIDTH):
