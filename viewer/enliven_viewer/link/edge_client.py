@@ -173,13 +173,13 @@ class EdgeClient:
         character = getattr(order, "character", None)
         if character is None:
             for edge in self.edges:
-                edge.send_command(order, on_reply)
+                edge.ask(order, on_reply)
             return
         for edge in self.edges:
             if character in edge.characters.held:
                 prefix = f"{self._prefix(edge.name)}/" if self._prefixed else ""
                 edge_order = msgspec.structs.replace(order, character=character.removeprefix(prefix))
-                edge.send_command(edge_order, on_reply)
+                edge.ask(edge_order, on_reply)
                 return
         character_names = ", ".join(self.characters) or "none"
         refusal = Refused(f"no edge has the character {character!r}; available: {character_names}"[:400])

@@ -157,8 +157,8 @@ class EdgeConnection:
         fps = self.status.fps if self.status else 0.0
         return {name: self._get_topic_watch(topic).health(fps) for name, topic in STREAMS.items()}
 
-    def send_command(self, request: Order, on_reply: Callable[[Answer], None] | None) -> None:
-        """Sends a command. A refusal becomes a notice. ``on_reply`` receives the reply."""
+    def ask(self, order: Order, on_reply: Callable[[Answer], None] | None) -> None:
+        """Sends an order. A refusal becomes a notice. ``on_reply`` receives the reply."""
 
         def replied(answer: Answer | None) -> None:
             answer = answer or Refused(f"{self.name} {NO_ANSWER_TEXT}")
@@ -168,11 +168,11 @@ class EdgeConnection:
                 on_reply(answer)
 
         try:
-            check_request(request)
+            check_request(order)
         except InputError as error:
             replied(Refused(str(error)[:400]))
             return
-        if not self._requests.send(request, "command", _COMMAND_TIMEOUT_S, replied):
+        if not self._requests.send(order, "command", _COMMAND_TIMEOUT_S, replied):
             replied(Refused(f"no edge answers at {self.endpoint}"))
 
     def request(self, body: Ask, seconds: float, on_reply: Callable[[Answer | None], None]) -> bool:
