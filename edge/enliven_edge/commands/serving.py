@@ -54,7 +54,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class EdgeJob:
-    """What an edge has to do.
+    """The task of an edge.
 
     Attributes:
         settings: its settings.

@@ -17,7 +17,7 @@ from enliven_edge.uploaded_actor import create_uploaded_actor
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.paint.paint_tool import PaintTool, make_shades
-from enliven_viewer.studio.features.perform.stage_sender import _differs_in_motion_only
+from enliven_viewer.studio.features.perform.staged_characters import _differs_in_motion_only
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.workspace.workspace import Workspace
 

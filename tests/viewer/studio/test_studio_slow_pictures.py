@@ -81,13 +81,13 @@ def test_background_autosave_keeps_the_project_from_its_start(tmp_path, monkeypa
     store = ProjectStore(editor, tmp_path)
     editor.edit("one", lambda project: Project())
     first = editor.project
-    store.autosave(store._saved_at + 60.0)
+    store.autosave(store.saved_at + 60.0)
     editor.edit("two", lambda project: Project())
-    store.autosave(store._saved_at + 120.0)
+    store.autosave(store.saved_at + 120.0)
     goes_on.set()
     store.settle()
     assert written == [first] and threads[0] is not threading.main_thread()
-    store.autosave(store._saved_at + 180.0)
+    store.autosave(store.saved_at + 180.0)
     store.close()
     assert written[-1] is editor.project and list(tmp_path.iterdir()) == [], "it waits before the file goes"
 

@@ -151,7 +151,7 @@ class EdgeCharacters:
         self._asked_at[character] = now
 
     def add(self, message: CharacterMessage, now: float) -> bool:
-        """Stores a character. Returns False if there is no memory for it; then it is requested again later.
+        """Stores a character. Returns False if it exceeds the memory limit. It is then requested again later.
 
         Raises:
             EnlivenError: if it is unusable. The old revision stays.

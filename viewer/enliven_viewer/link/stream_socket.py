@@ -1,4 +1,4 @@
-"""The socket on which the messages of an edge's streams arrive."""
+"""The socket that receives the messages of an edge's streams."""
 
 from __future__ import annotations
 

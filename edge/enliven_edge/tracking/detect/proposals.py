@@ -19,7 +19,7 @@ FIT_STEPS = 6
 
 @dataclass(frozen=True)
 class Doubts:
-    """What is doubtful about a fitted frame.
+    """The doubtful parts of a fitted frame.
 
     Attributes:
         arms: the arms that explain little of the frame.
