@@ -6,7 +6,7 @@ The unit of work is a coarse fit. No clock is used, so the same frames give the 
 from __future__ import annotations
 
 from collections.abc import Generator
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 T = TypeVar("T")
 """Type variable for the result of a task."""
@@ -60,7 +60,7 @@ class BudgetedTask(Generic[T]):
     def result(self) -> T:
         """Returns the task's result. Call it only after the task is done."""
         assert self.is_done
-        return self._result  # type: ignore[return-value]
+        return cast(T, self._result)
 
     def advance(self, budget: Budget) -> bool:
         """Works until the budget is spent. Returns True if the task is done.
