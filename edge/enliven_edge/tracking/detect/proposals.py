@@ -1,4 +1,4 @@
-"""Proposals of other postures: what they have in common, and the one from the network.
+"""Proposals of other postures: their common protocol, and the proposal from the network.
 
 A proposal is another start of the fit. :class:`~recovery.PoseRecovery` decides which one is tried in a frame.
 """

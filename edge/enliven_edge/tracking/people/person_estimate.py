@@ -44,17 +44,11 @@ def add_guides(observation: Observation, network_output: EstimateAtPoints, affin
 def flip_with_estimate(
     posture: Posture, network_output: EstimateAtPoints, view: FrameView
 ) -> tuple[Posture, EstimateAtPoints]:
-    """Returns the flipped posture, see :func:`flip_posture`, and the network's estimate for its facing."""
+    """Returns the flipped posture, see :func:`flip_posture`, and the network's estimate of the same crop for
+    its facing.
+    """
     turned = flip_posture(posture)
-    estimate = estimate_with_facing(turned, network_output, view)
-    return align_to_estimate(turned, estimate.estimate), estimate
-
-
-def estimate_with_facing(
-    posture: Posture, network_output: EstimateAtPoints, view: FrameView
-) -> EstimateAtPoints:
-    """Runs the network on the same crop again, conditioned on the facing of a posture."""
-    facings: list[float | None] = [chest_facing(posture, view.eye)]
-    return network_output.with_estimate(
-        load_shipped_estimator().estimates(network_output.estimate.crop, view.world_from_camera, facings)[0]
-    )
+    facings: list[float | None] = [chest_facing(turned, view.eye)]
+    crop = network_output.estimate.crop
+    (estimate,) = load_shipped_estimator().estimates(crop, view.world_from_camera, facings)
+    return align_to_estimate(turned, estimate), network_output.with_estimate(estimate)
