@@ -16,12 +16,14 @@ from numba.experimental import structref
 from numba.extending import overload
 
 from enliven.kernel_cache.cache import cache_kernel_on_disk
+from enliven.kernel_cache.callees import compile_callees_without_entry_points
 from enliven.kernel_cache.compiling import listen_to_compiler
 from enliven.kernel_cache.native_set import should_begin_native_session
 from enliven.kernel_cache.target import choose_target
 
 choose_target(native=should_begin_native_session())
 listen_to_compiler()
+compile_callees_without_entry_points()
 
 
 def njit(*, cache: bool = False, **options: Any) -> Any:

@@ -14,6 +14,7 @@ from numba.core.caching import _Cache
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaWarning
 
+from enliven.kernel_cache.callees import is_callee
 from enliven.kernel_cache.fingerprint import describe_options, fingerprint
 from enliven.kernel_cache.loading import rebuild_kernel, unpickle_kernel
 from enliven.kernel_cache.native_schedule import record_use
@@ -82,7 +83,12 @@ class KernelCache(_Cache):  # type: ignore[misc]
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Saves a compiled kernel, unless the code contains addresses of this process or the disk is full."""
+        """Saves a compiled kernel, unless the code contains addresses of this process or the disk is full.
+
+        A callee is not saved: kernels include it.
+        """
+        if is_callee(data):
+            return
         if data.lifted or data.library.has_dynamic_globals:
             name = self._kernel.py_func.__qualname__
             warnings.warn(

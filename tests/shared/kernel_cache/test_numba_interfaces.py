@@ -6,7 +6,17 @@ import inspect
 
 import numba
 import pytest
-from numba.core import caching, codegen, compiler, dispatcher, environment, extending, options
+from numba.core import (
+    caching,
+    codegen,
+    compiler,
+    cpu,
+    dispatcher,
+    environment,
+    extending,
+    options,
+    target_extension,
+)
 from numba.core.registry import cpu_target
 
 from enliven.kernels import quantile
@@ -18,12 +28,18 @@ REQUIRED = {
     "numba.core.compiler.CompileResult": (compiler, "CompileResult", ("_reduce", "_rebuild")),
     "numba.core.codegen.JITCodeLibrary": (
         codegen, "JITCodeLibrary",
-        ("enable_object_caching", "_set_compiled_object", "_finalize_final_module", "_get_module_for_linking")
+        ("enable_object_caching", "_set_compiled_object", "_finalize_final_module", "_get_module_for_linking",
+         "_optimize_final_module", "_finalize_dynamic_globals", "get_pointer_to_function")
     ),
+    "numba.core.codegen.JITCPUCodegen": (codegen, "JITCPUCodegen", ("_library_class", "set_env")),
+    "numba.core.compiler.Compiler": (compiler, "Compiler", ("define_pipelines",)),
+    "numba.core.compiler.Flags": (compiler, "Flags", ("no_compile", "no_cpython_wrapper")),
+    "numba.core.cpu.CPUContext": (cpu, "CPUContext", ("insert_user_function",)),
+    "numba.core.target_extension": (target_extension, "dispatcher_registry", ()),
     "numba.core.codegen.JitEngine": (codegen, "JitEngine", ("is_symbol_defined", "_load_defined_symbols")),
     "numba.core.environment.Environment": (environment, "Environment", ("_memo", "consts", "env_name")),
     "numba.core.environment._rebuild_env": (environment, "_rebuild_env", ()),
-    "numba.core.dispatcher.Dispatcher": (dispatcher, "Dispatcher", ("compile", "stats")),
+    "numba.core.dispatcher.Dispatcher": (dispatcher, "Dispatcher", ("compile", "stats", "add_overload")),
     "numba.core.extending._Intrinsic": (extending, "_Intrinsic", ()),
 }  # fmt: skip
 ADVICE = (
