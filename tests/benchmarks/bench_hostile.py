@@ -173,7 +173,7 @@ class Stranger:
             self.socket = None
 
 
-def _connect_strangers(pose: int, control: int) -> list[Stranger]:
+def connect_strangers(pose: int, control: int) -> list[Stranger]:
     """Returns the connections of the attack."""
 
     def ask(body: requests.Ask) -> bytes:
@@ -197,7 +197,7 @@ def _connect_strangers(pose: int, control: int) -> list[Stranger]:
 
 def attack(pose: int, control: int) -> None:
     """Sends a million items within the time limit, or as many as the edge accepts."""
-    strangers, idle, sent, knocks = _connect_strangers(pose, control), [], 0, 0
+    strangers, idle, sent, knocks = connect_strangers(pose, control), [], 0, 0
     start, turns = time.monotonic(), itertools.count()
     while sent < MESSAGES and time.monotonic() < start + 2 * ATTACK:
         if sent > MESSAGES * (time.monotonic() - start) / ATTACK:

@@ -2,20 +2,41 @@
 
 import math
 
+import numpy as np
+
+from enliven.deformation.arap.cells import turn_and_scale
 from enliven.kernels import njit
 
 
-def total_energy(solver):
+def fit_cells(solver, surface):
+    """Returns (N, 16) the cells of the shape state, each with its best rotation and scale.
+
+    Args:
+        surface: the prepared surface of the solver's mesh.
+    """
+    count, settings = len(surface.rest), solver.settings
+    max_stretch = float(settings.most_stretch) if settings.squash_and_stretch else 1.0
+    frames = np.zeros((count, 16))
+    frames[:, [0, 5, 10]] = 1.0
+    frames[surface.place_of, 12:15] = solver.get_surface() - surface.centre
+    hold = float(settings.hold)
+    turn_and_scale(surface.cells, frames.reshape(-1), hold, 1 / max_stretch, max_stretch, 0, count)
+    return frames
+
+
+def total_energy(solver, surface):
     """Returns eq. 4 of the shape state, with each cell at its best rotation and scale, plus the terms of soft
-    handles."""
-    solver._fit_cells()
-    total = float(
-        cells_energy(solver._surface.cells, solver._frames.reshape(-1), float(solver.settings.hold))
-    )
+    handles.
+
+    Args:
+        surface: the prepared surface of the solver's mesh.
+    """
+    frames = fit_cells(solver, surface)
+    total = float(cells_energy(surface.cells, frames.reshape(-1), float(solver.settings.hold)))
+    targets, _, _ = solver.check_targets()
     for name, handle in solver.handles.items():
         if handle.weight is not None:
-            now = solver._frames[solver._surface.place_of[list(handle.vertices)], 12:15]
-            gap = now + solver._surface.centre - solver._wanted[name]
+            gap = solver.get_surface()[list(handle.vertices)] - targets[name]
             total += handle.weight * float((gap**2).sum())
     return total
 

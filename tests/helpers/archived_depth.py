@@ -6,25 +6,25 @@ import zlib
 import numpy as np
 
 from enliven.kernels import njit
-from enliven.recording import depth_entropy
-from enliven.recording.depth_codec import _depth_levels
+from enliven.recording.depth_codec import rank_depth_levels
 from enliven.recording.depth_entropy import (
+    HOLE_STATES,
+    LARGE_STATES_START,
     MAX_UNARY_LENGTH,
+    STATE_COUNT,
     STATES_PER_CONTEXT,
-    _context_index,
-    _update_state,
+    TABLE_STATES_START,
+    compute_context_index,
+    update_state,
 )
 from enliven.recording.depth_kernels import predict_level
-
-_HOLE_STATES, _LARGE_STATES_START = depth_entropy._HOLE_STATES, depth_entropy._LARGE_STATES_START
-_TABLE_STATES_START, _STATE_COUNT = depth_entropy._TABLE_STATES_START, depth_entropy._STATE_COUNT
 
 
 def encode_archived(depth):
     """Returns the payload of an (H, W) uint16 image in packing 1 of LAYOUT. Noise makes it larger than the
     image."""
     depth = np.require(depth, requirements=["C", "W", "A"])
-    levels, ranks = _depth_levels(depth)
+    levels, ranks = rank_depth_levels(depth)
     values = np.concatenate([[0], levels]).astype(np.uint16) if len(levels) else ranks
     out = np.empty(2 * depth.nbytes + 2 * values.nbytes + 64, np.uint8)
     packed = out[: pack_levels(depth, ranks, values, len(levels) > 0, out)].tobytes()
@@ -54,7 +54,7 @@ def _encode_bit(coder, out, odds, bit):
 def _encode_bit_with_state(coder, data, states, at, bit):
     """Encodes one bit with the probability of a state."""
     _encode_bit(coder, data, int(states[at]) >> 8, bit)
-    _update_state(states, at, bit)
+    update_state(states, at, bit)
 
 
 @njit(cache=True, nogil=True)
@@ -74,7 +74,7 @@ def _encode_residual(coder, data, states, base, r):
     rest, bits = size - MAX_UNARY_LENGTH, 0
     while bits < 17:
         last = int(rest >> (bits + 1) == 0)
-        _encode_bit_with_state(coder, data, states, _LARGE_STATES_START + bits, last)
+        _encode_bit_with_state(coder, data, states, LARGE_STATES_START + bits, last)
         if last:
             break
         bits += 1
@@ -88,7 +88,7 @@ def _write_table(values, data, coder, states):
     former, size = 1, 0
     for level in range(1, values.size):
         step = int(np.int64(values[level])) - int(np.int64(values[level - 1]))
-        _encode_residual(coder, data, states, _TABLE_STATES_START + size * STATES_PER_CONTEXT, step - former)
+        _encode_residual(coder, data, states, TABLE_STATES_START + size * STATES_PER_CONTEXT, step - former)
         former, size = step, min(abs(step - former), 3)
 
 
@@ -115,7 +115,7 @@ def _write_image(depth, ranks, count, data, coder, states):
             recent = error[x - 1] + former[x] + ((former[x - 1] + former[x + 1]) >> 1)
             r = v - p
             r = r - count if r > half else (r + count if r < least else r)
-            base = _HOLE_STATES + _context_index(w, ww, n, ne, p, recent) * STATES_PER_CONTEXT
+            base = HOLE_STATES + compute_context_index(w, ww, n, ne, p, recent) * STATES_PER_CONTEXT
             _encode_residual(coder, data, states, base, r)
             row[x], error[x], last = v, min(abs(r), 2000), v
 
@@ -126,7 +126,7 @@ def pack_levels(depth, ranks, values, tabled, out):
 
     The arguments are those of ``unpack_levels``, plus ``ranks`` (65536,): the level of each value.
     """
-    states = np.full(_STATE_COUNT, 32768 << 8, np.int32)
+    states = np.full(STATE_COUNT, 32768 << 8, np.int32)
     coder = np.array([0, 0xFFFFFFFF, 0, 0], np.int64)
     if tabled:
         _write_table(values, out, coder, states)

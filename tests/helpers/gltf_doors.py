@@ -14,7 +14,7 @@ from enliven.meshes import Mesh, load_mesh, load_upright
 from enliven.oneshot.exportable import find_exportables
 from enliven_edge.stage.character_setup import create_actor
 from enliven_edge.stage.rig.rig_actor import create_rig_actor
-from enliven_viewer.commands.stage import _read as read_for_stage
+from enliven_viewer.commands.stage import read_character
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.workspace.files import add_file
@@ -33,7 +33,7 @@ def _export(path: Path) -> Surface:
 
 
 def _put_on_stage(path: Path) -> Surface:
-    project, name, _ = read_for_stage(str(path), "skeleton", None)
+    project, name, _ = read_character(str(path), "skeleton", None)
     return _surface_of_mesh(project.shape(name).mesh)
 
 

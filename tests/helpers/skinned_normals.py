@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from enliven.deformation.skinning import _check_output
+from enliven.deformation.skinning import check_output
 from enliven.kernels import njit
 
 
@@ -18,7 +18,7 @@ def skin_normals(character, pose, normals, out=None):
     Raises:
         InputError: as :func:`skin_vertices`.
     """
-    out = _check_output(character, pose, out)
+    out = check_output(character, pose, out)
     linear = np.ascontiguousarray(pose.linear, np.float32).reshape(-1, 9)
     rest = np.ascontiguousarray(normals, np.float32)
     _skin_normals(rest, character.skin.indices, character.skin.weights, linear, out)

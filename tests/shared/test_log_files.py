@@ -74,11 +74,19 @@ def test_identical_warnings_are_limited_and_counted() -> None:
     assert shown[-1] == f"port 5580 is in use (this message was omitted {10 - MAX_REPEATS} times)"
 
 
-def test_memory_of_different_warnings_is_bounded() -> None:
+def test_a_warning_is_forgotten_after_256_different_ones() -> None:
     limit = RepeatLimit(lambda: 0.0)
-    for number in range(5000):
-        limit.filter(logging.LogRecord("enliven", logging.WARNING, "", 0, f"peer {number}", (), None))
-    assert len(limit._seen) <= 256
+
+    def passes(text: str) -> bool:
+        return limit.filter(logging.LogRecord("enliven", logging.WARNING, "", 0, text, (), None))
+
+    assert [passes("noise") for _ in range(MAX_REPEATS + 1)] == [*[True] * MAX_REPEATS, False]
+    for number in range(255):
+        passes(f"peer {number}")
+    assert not passes("noise")
+    for number in range(256):
+        passes(f"peer {number}")
+    assert passes("noise"), "older warnings are dropped, so that they do not fill the memory"
 
 
 def test_options_are_taken_from_anywhere_before_two_dashes() -> None:

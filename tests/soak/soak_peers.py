@@ -186,9 +186,9 @@ class Guests:
 def attack(pose_port: int, control_port: int) -> None:
     """Sends valid requests, resets, subscriptions and unread requests, as `make bench ONLY=hostile` does."""
     sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-    from bench_hostile import _connect_strangers
+    from bench_hostile import connect_strangers
 
-    strangers, sent, start = _connect_strangers(pose_port, control_port), 0, time.monotonic()
+    strangers, sent, start = connect_strangers(pose_port, control_port), 0, time.monotonic()
     while (passed := time.monotonic() - start) < ATTACK_S:
         if sent > ATTACK_RATE * passed:
             time.sleep(0.02)

@@ -50,9 +50,14 @@ class House:
     """A real edge that runs one step in each call of :meth:`frame`."""
 
     def __init__(
-        self, stage: StageSettings | None = None, rate: float = 10_000.0, access: Access | None = None
+        self,
+        stage: StageSettings | None = None,
+        rate: float = 10_000.0,
+        access: Access | None = None,
+        ports: tuple[int, int] = (0, 0),
     ) -> None:
-        wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0, rate=rate, budget=50.0)
+        name, (port, control_port) = uuid.uuid4().hex[:12], ports
+        wire = WireSettings(name=name, port=port, control_port=control_port, rate=rate, budget=50.0)
         self.stage = Stage([], stage)
         self.outlet = Outlet(wire, "given", access=access)
         self.settings = EdgeSettings(nodes=8, wire=wire)

@@ -92,18 +92,32 @@ def test_the_artist_replaces_a_character_that_a_visitor_put_as_high_as_it_may(ho
     artist.close()
 
 
-def test_artist_continues_with_a_restarted_edge(house: House) -> None:
-    """The artist's revisions have reached 200. A new edge expects 1 and refuses the jump, and the artist
-    adapts.
-    """
-    artist = EdgeClient([house.outlet.publisher.endpoint])
-    house.until(lambda: artist.status is not None, artist.poll)
-    artist.stage._last["chair"] = 3 * MAX_REVISION_JUMP
-    artist.edges[0]._begin_instance(7)
+def put_box(house: House, artist: EdgeClient) -> None:
+    """Puts a box onto the stage as the artist's window does, and waits until it is there."""
+    house.until(lambda: artist.status is not None and artist.edges[0].has_all_characters, artist.poll)
     answers: list[object] = []
-    artist.stage.put(project_of_mesh(load_sample("chair"), "chair"), "chair", then=answers.append)
+    artist.stage.put(project_of_mesh(BOX_MESH, "box"), "box", then=answers.append)
     house.until(lambda: answers, artist.poll)
     assert answers == [Done()]
+
+
+def test_artist_continues_with_a_restarted_edge() -> None:
+    """The artist's revision is higher than a new edge accepts as the first one."""
+    house = House()
+    endpoint = house.outlet.publisher.endpoint
+    rude, artist = house.visitor(), EdgeClient([endpoint])
+    assert rude.put("box", MAX_REVISION_JUMP) == Done()
+    rude.ask(RemoveCharacter("box"))
+    put_box(house, artist)
+    edge = artist.edges[0]
+    house.until(lambda: edge.revision("box") > MAX_REVISION_JUMP, artist.poll)
+    before = edge.instance
+    house.close()
+    house = House(ports=(endpoint.pose_port, endpoint.control_port))
+    house.until(lambda: edge.instance != before, artist.poll)
+    put_box(house, artist)
+    house.until(lambda: edge.revision("box") == 1, artist.poll)
+    house.close()
     artist.close()
 
 
@@ -168,18 +182,22 @@ def test_reservations_expire_without_enough_data(
 ) -> None:
     rude = house.visitor()
     orders = [rude.announce(name)[0] for name in "abcd"]
+    received = dict.fromkeys("abcd", 0)
+    assert isinstance(rude.announce("e")[1], Refused), "four characters are reserved"
     monkeypatch.setattr(character_upload, "_TIMEOUT_S", 0.3)
-    waiting = lambda: {each.order.id: each.received for each in house.edge.uploads._waiting.values()}  # noqa: E731
-    assert waiting() == dict.fromkeys("abcd", 0)
 
     def trickle() -> None:
         for order in orders if bytes_each else []:
-            if order.id in (waiting_by_id := waiting()):
-                at = waiting_by_id[order.id]
-                rude.ask(CharacterPart(order.id, order.digest, at, BOX_DATA[at : at + bytes_each]))
+            if order.id in received:
+                at = received[order.id]
+                answer = rude.ask(CharacterPart(order.id, order.digest, at, BOX_DATA[at : at + bytes_each]))
+                if isinstance(answer, Awaited):
+                    received[order.id] = answer.received
+                else:
+                    del received[order.id]
 
-    house.until(lambda: not waiting(), trickle)
-    assert rude.announce("e")[1] == Awaited(0)
+    house.until(lambda: rude.announce("e")[1] == Awaited(0), trickle)
+    assert all(rude.announce(name)[1] == Awaited(0) for name in "abc"), "all four have expired"
 
 
 def latched(house: House) -> list[tuple[str, str]]:

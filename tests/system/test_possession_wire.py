@@ -158,7 +158,7 @@ def test_key_locks_and_unlocks_tracked_people(house: House) -> None:
         deadline = time.monotonic() + TIMEOUT_S
         while house.live.possession.locked != wanted and time.monotonic() < deadline:
             silent()
-        assert house.live.possession.locked == wanted and tracker._people.track_manager.lock.ids == ids
+        assert house.live.possession.locked == wanted and tracker.locked_ids == ids
 
 
 def test_refused_possession_is_reported(house: House) -> None:

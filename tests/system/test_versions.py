@@ -25,6 +25,7 @@ from enliven.mapping.plan_file import read_plan, write_plan
 from enliven.motion_clips.recorded_characters import read_possessed
 from enliven.motion_clips.tracked_people import read_recorded_clips
 from enliven.recording import Recorder, Recording, recover, schemas
+from enliven.recording.container import open_container
 from enliven.settings import load_settings
 from enliven.space.space_file import load_space, save_space
 from enliven_edge.doctor import find_shipped_recording
@@ -71,15 +72,15 @@ def test_values_of_0_1_are_kept(stored):
 
 def test_a_performance_of_0_1_is_edited_and_retargeted(stored):
     path = stored / "performance.mcap"
-    assert Recording(path)._container.library == "enliven 0.1.0"
+    assert open_container(path).library == "enliven 0.1.0"
     assert list(read_possessed(path).graphs) == ["post"]
     assert read_recorded_clips(path)[0].duration > 0.5
 
 
 def test_a_depth_recording_of_0_1_is_read():
-    recording = Recording(find_shipped_recording())
-    assert recording._container.library == "enliven 0.1.0"
-    assert isinstance(next(iter(recording.frames())), DepthFrame)
+    path = find_shipped_recording()
+    assert open_container(path).library == "enliven 0.1.0"
+    assert isinstance(next(iter(Recording(path).frames())), DepthFrame)
 
 
 def test_preferences_and_keys_of_0_1_are_used(stored):

@@ -203,9 +203,10 @@ def placed(name: str, frame: int) -> Pose:
 def write_stored(path: Path) -> None:
     """Writes a stored take of 30 frames again. The second character appears at the tenth."""
     with outlet_of(path) as outlet:
+        blocks = {name: block(name) for name in ("left", "right")}
         for frame in range(30):
             names = ["left", "right"][: 1 + (frame >= 10)]
-            outlet.show({name: outlet._shown.get(name) or block(name) for name in names})
+            outlet.show({name: blocks[name] for name in names})
             poses = [placed(name, frame) for name in names]
             outlet.publish(Tick(BodyFrame([], frame * STEP, "x"), poses=poses))
 

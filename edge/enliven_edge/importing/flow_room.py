@@ -31,7 +31,7 @@ CENTRE = (256.0, 212.0)
 STATURE = 1.70
 """Height of an average person from the ankles to the crown, in metres. It determines the distance to the
 sensor."""
-_METRES_PER_Z = 0.0036
+METRES_PER_Z = 0.0036
 """Metres per unit of z, which the files do not state. With this value the lengths of bones change least while
 they turn towards the sensor, for all people in the known recordings. In millimetres people would be flat."""
 _MAX_NUMBER = 1e10
@@ -51,13 +51,15 @@ class _Point(msgspec.Struct):
     z: float
 
 
-class _Skeleton(msgspec.Struct):
+class JointPixels(msgspec.Struct):
+    """A person of a frame, with its joints in pixels of the depth image."""
+
     joints: list[_Point]
     trackingId: str = ""
 
 
 log = logging.getLogger(__name__)
-_decoder = msgspec.json.Decoder(list[list[_Skeleton]])
+_decoder = msgspec.json.Decoder(list[list[JointPixels]])
 
 
 class FlowRoomReader(SkeletonReader):
@@ -81,22 +83,27 @@ class FlowRoomReader(SkeletonReader):
         return head.startswith(b"[") and b'"bodyIndex"' in head and b'"joints"' in head
 
     def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
-        frames = _read_frames(path)
-        pixels = [[_clean_joints(skeleton) for skeleton in frame] for frame in frames]
-        distance = _estimate_distance([points for frame in pixels for points, _ in frame], path)
+        frames = read_frames(path)
+        pixels = [[clean_joints(skeleton) for skeleton in frame] for frame in frames]
+        distance = estimate_distance([points for frame in pixels for points, _ in frame], path)
         ids: dict[str, int] = {}
         moments = []
         for frame, points, time_ns in zip(frames, pixels, options.times_ns(30.0), strict=False):
             moment = SkeletonMoment(time_ns)
             for skeleton, (uvz, is_measured) in zip(frame, points, strict=True):
                 number = ids.setdefault(skeleton.trackingId, len(ids))
-                joints = joints_from_pixels(uvz[:, :2], distance + uvz[:, 2] * _METRES_PER_Z, FOCAL, CENTRE)
+                joints = joints_from_pixels(uvz[:, :2], distance + uvz[:, 2] * METRES_PER_Z, FOCAL, CENTRE)
                 moment.bodies.append(Body(number, joints, np.where(is_measured, TRACKED, INFERRED)))
             moments.append(moment)
         return moments
 
 
-def _read_frames(path: Path) -> list[list[_Skeleton]]:
+def read_frames(path: Path) -> list[list[JointPixels]]:
+    """Returns the people of each frame of a file.
+
+    Raises:
+        InputError: if the file is damaged, of another kind, or has impossible joints.
+    """
     try:
         frames = _decoder.decode(read_file(path))
     except DECODE_ERRORS as error:
@@ -116,7 +123,7 @@ def _read_frames(path: Path) -> list[list[_Skeleton]]:
     return frames
 
 
-def _clean_joints(skeleton: _Skeleton) -> tuple[Float, Bool]:
+def clean_joints(skeleton: JointPixels) -> tuple[Float, Bool]:
     """Returns (20, 3) u, v, z and (20,) whether z was measured.
 
     An unmeasured z is copied from the parent joint.
@@ -126,15 +133,22 @@ def _clean_joints(skeleton: _Skeleton) -> tuple[Float, Bool]:
     median = float(np.median(points[is_measured, 2])) if is_measured.any() else 0.0
     for joint, parent in enumerate(PARENTS):
         expected = points[parent, 2] if parent >= 0 else median
-        if not is_measured[joint] or abs(points[joint, 2] - expected) * _METRES_PER_Z > _MAX_DEPTH_STEP_M:
+        if not is_measured[joint] or abs(points[joint, 2] - expected) * METRES_PER_Z > _MAX_DEPTH_STEP_M:
             points[joint, 2], is_measured[joint] = expected, False
     return points, is_measured
 
 
-def _estimate_distance(bodies: Sequence[Float], path: Path) -> float:
+def estimate_distance(bodies: Sequence[Float], path: Path) -> float:
     """Returns the distance in metres from the sensor to z = 0.
 
     It is computed from the upper quartile of the people's heights in pixels.
+
+    Args:
+        bodies: (20, 3) u, v, z of each person in each frame.
+        path: the file, for the error message.
+
+    Raises:
+        InputError: if no person stands upright.
     """
     heights = [
         float(max(uvz[Joint.ANKLE_LEFT, 1], uvz[Joint.ANKLE_RIGHT, 1]) - uvz[Joint.HEAD, 1]) for uvz in bodies
@@ -145,5 +159,5 @@ def _estimate_distance(bodies: Sequence[Float], path: Path) -> float:
             "the recording shows no person who stands upright, so the distance to the sensor is unknown",
             where=str(path),
         )
-    centre = float(np.median([uvz[:, 2] for uvz in bodies])) * _METRES_PER_Z
+    centre = float(np.median([uvz[:, 2] for uvz in bodies])) * METRES_PER_Z
     return FOCAL * STATURE * _HEAD_TO_ANKLE / height_px - centre

@@ -29,13 +29,13 @@ def skin_vertices(character: Character, pose: Pose, out: Float32 | None = None) 
     Raises:
         InputError: if the pose belongs to another character, or ``out`` has the wrong shape or type.
     """
-    out = _check_output(character, pose, out)
+    out = check_output(character, pose, out)
     matrices = np.ascontiguousarray(pose.matrices(character.pivots), np.float32)
     _skin_vertices(character.vertices, character.skin.indices, character.skin.weights, matrices, out)
     return out
 
 
-def _check_output(character: Character, pose: Pose, out: Float32 | None) -> Float32:
+def check_output(character: Character, pose: Pose, out: Float32 | None) -> Float32:
     """Returns the output array (V, 3) after checking its shape and type, because the kernels do not check
     bounds."""
     shape = (len(character.vertices), 3)

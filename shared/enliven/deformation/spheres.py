@@ -127,7 +127,9 @@ def pack_spheres(
     order = np.random.default_rng(seed).permutation(len(points))
     while True:
         inner = points - settings.inset * radius * normals
-        sphere_samples = _greedy_cover(points, inner, order, radius * _COVERED_RADIUS_FACTOR, settings.most)
+        sphere_samples = select_greedy_cover(
+            points, inner, order, radius * _COVERED_RADIUS_FACTOR, settings.most
+        )
         if len(sphere_samples):
             break
         radius *= _RADIUS_GROWTH_FACTOR
@@ -214,7 +216,7 @@ def _find_strongest_nodes(nodes: Int, weights: Float, rows: Int, barycentric: Fl
 
 
 @njit(cache=True, nogil=True)
-def _greedy_cover(points, inner, order, radius, most):
+def select_greedy_cover(points, inner, order, radius, most):
     """Returns the indices (S,) of the points that get a sphere, or an empty array if ``most`` spheres are too
     few.
 

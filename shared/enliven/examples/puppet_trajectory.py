@@ -80,7 +80,9 @@ class PuppetMotion:
         root = (1.0 - part) * self.root[previous] + part * self.root[following]
         anchor = int(self.anchors[following])
         if anchor >= 0:
-            place_before, place_after = (self._world_position(f, anchor) for f in (previous, following))
+            place_before, place_after = (
+                self.compute_world_position(f, anchor) for f in (previous, following)
+            )
             anchor_place = (1.0 - part) * place_before + part * place_after
             rotated = [
                 _turn_about_y(place - self.root[f], -self.yaw[f])
@@ -124,10 +126,10 @@ class PuppetMotion:
         anchor = int(self.anchors[b])
         last, first = self.root[b], self.root[a]
         if anchor >= 0:
-            last, first = self._world_position(b, anchor), self._world_position(a, anchor)
+            last, first = self.compute_world_position(b, anchor), self.compute_world_position(a, anchor)
         return np.asarray((last - _turn_about_y(first, turn)) * [1.0, 0.0, 1.0])
 
-    def _world_position(self, frame: int, point: int) -> Float:
+    def compute_world_position(self, frame: int, point: int) -> Float:
         """Returns the world position (3,) in metres of a control point at a frame, from this layer alone."""
         mixed = self.rest[point] + self.weight * (self.places[frame, point] - self.rest[point])
         return np.asarray(_turn_about_y(mixed, self.yaw[frame]) + self.root[frame])

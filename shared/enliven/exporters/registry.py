@@ -29,7 +29,7 @@ ENTRY_POINTS = "enliven.exporters"
 
 _PICTURES = "enliven.pictures"
 """Entry-point group through which other packages provide functions that draw contact sheets."""
-_BUILT_IN = {
+BUILT_IN_EXPORTERS = {
     "bvh": "enliven.exporters.bvh:BVH",
     "csv": "enliven.exporters.csv_table:CSV",
     "glb": "enliven.exporters.gltf.write:GLB",
@@ -119,7 +119,9 @@ class Exporter:
 
 def suffixes() -> list[str]:
     """Returns the file suffixes that :func:`exporter_of` accepts, sorted."""
-    return sorted(f".{name}" for name in {*_BUILT_IN, *(e.name for e in entry_points(group=ENTRY_POINTS))})
+    return sorted(
+        f".{name}" for name in {*BUILT_IN_EXPORTERS, *(e.name for e in entry_points(group=ENTRY_POINTS))}
+    )
 
 
 def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) -> Exporter:
@@ -153,8 +155,8 @@ def _load_exporter(name: str, where: str, also: tuple[str, ...]) -> Exporter:
     The exporter is imported only when it is needed, so that a missing library of one exporter does not
     disable the others.
     """
-    if name in _BUILT_IN:
-        module, _, attribute = _BUILT_IN[name].partition(":")
+    if name in BUILT_IN_EXPORTERS:
+        module, _, attribute = BUILT_IN_EXPORTERS[name].partition(":")
         exporter: Exporter = getattr(import_module(module), attribute)
         return exporter
     for entry in entry_points(group=ENTRY_POINTS):

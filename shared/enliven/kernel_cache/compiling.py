@@ -20,7 +20,7 @@ _EVENT = "numba:compile"
 event."""
 
 
-class _CompilationCounter(event.Listener):  # type: ignore[misc]
+class CompilationCounter(event.Listener):  # type: ignore[misc]
     """A listener that counts the compiled functions of this process. Numba compiles in one thread at a time,
     under a lock.
 
@@ -70,7 +70,7 @@ class _CompilationCounter(event.Listener):  # type: ignore[misc]
             )
 
 
-_compilations = _CompilationCounter()
+_compilations = CompilationCounter()
 
 
 def listen_to_compiler() -> None:

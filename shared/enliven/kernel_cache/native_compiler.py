@@ -33,7 +33,7 @@ MissingKernel = dict[str, tuple[str, str, bytes]]
 """The kernels to compile. Maps the file name of the native kernel to its module, its name in the module, and
 its pickled argument types.
 """
-_RETRY_LATER_EXIT_CODE = 3
+RETRY_LATER_EXIT_CODE = 3
 """Exit code if another process is already compiling, or the computer runs on battery."""
 _NICENESS = 19
 """The lowest priority of POSIX."""
@@ -51,8 +51,8 @@ def main(program: str) -> int:
     folder = user_folder()
     if folder is None:
         return 0
-    with _lock_compilation(folder) as has_lock:
-        return compile_missing(program, missing_kernel, folder) if has_lock else _RETRY_LATER_EXIT_CODE
+    with lock_compilation(folder) as has_lock:
+        return compile_missing(program, missing_kernel, folder) if has_lock else RETRY_LATER_EXIT_CODE
 
 
 def lower_priority() -> None:
@@ -80,8 +80,8 @@ def compile_missing(program: str, wanted: MissingKernel, folder: Path) -> int:
     state.save()
     for name in missing_names:
         if runs_on_battery():
-            return _RETRY_LATER_EXIT_CODE
-        failed = state.failed if _compile(name, *wanted[name]) else (*state.failed, name)
+            return RETRY_LATER_EXIT_CODE
+        failed = state.failed if compile_kernel(name, *wanted[name]) else (*state.failed, name)
         if name not in failed and not (folder / name).exists():
             return 0  # The disk is full, or the folder cannot be written.
         state = dataclasses.replace(state, missing=state.missing[1:], failed=failed)
@@ -89,7 +89,7 @@ def compile_missing(program: str, wanted: MissingKernel, folder: Path) -> int:
     return 0
 
 
-def _compile(name: str, module: str, kernel: str, signature: bytes) -> bool:
+def compile_kernel(name: str, module: str, kernel: str, signature: bytes) -> bool:
     """Compiles one kernel and stores it under its name. Returns False if it cannot be compiled here."""
     try:
         dispatcher = functools.reduce(getattr, kernel.split("."), importlib.import_module(module))
@@ -112,7 +112,7 @@ def _end_with_input() -> None:
 
 
 @contextlib.contextmanager
-def _lock_compilation(folder: Path) -> Iterator[bool]:
+def lock_compilation(folder: Path) -> Iterator[bool]:
     """Yields True if no other process compiles native code into this folder. The system releases the lock
     when this process ends.
     """

@@ -88,7 +88,7 @@ def encode_depth(depth: UInt16, level: int = 1) -> bytes:
     """
     height, width = _check_shape(depth)
     depth = np.require(depth, requirements=["C", "W", "A"])
-    levels, ranks = _depth_levels(depth)
+    levels, ranks = rank_depth_levels(depth)
     planes = predict_image(depth, ranks, len(levels) or 65535)
     steps = np.diff(levels, prepend=np.uint16(0)).astype("<u2")
     table = steps.view(np.uint8).reshape(-1, 2).T.tobytes()
@@ -137,7 +137,7 @@ def _check_shape(depth: UInt16) -> tuple[int, int]:
     return depth.shape[0], depth.shape[1]
 
 
-def _depth_levels(depth: UInt16) -> tuple[UInt16, UInt16]:
+def rank_depth_levels(depth: UInt16) -> tuple[UInt16, UInt16]:
     """Returns the table of levels (L,), and the level (65536,) of each value. The table is empty if it would
     not save space.
     """

@@ -27,13 +27,16 @@ MAX_UNARY_LENGTH = 12
 """Number of residual sizes with a separate question. Larger sizes are coded in bits. Part of
 :data:`~enliven.recording.depth_codec.LAYOUT`.
 """
-_HOLE_STATES = 64
+HOLE_STATES = 64
 """Number of states of the question "is it a hole?". There is one for each of the 2^6 patterns of six known or
 unknown neighbours.
 """
-_LARGE_STATES_START = _HOLE_STATES + CONTEXT_COUNT * STATES_PER_CONTEXT
-_TABLE_STATES_START = _LARGE_STATES_START + 20
-_STATE_COUNT = _TABLE_STATES_START + 4 * STATES_PER_CONTEXT
+LARGE_STATES_START = HOLE_STATES + CONTEXT_COUNT * STATES_PER_CONTEXT
+"""Index of the first state for the number of bits of a large residual."""
+TABLE_STATES_START = LARGE_STATES_START + 20
+"""Index of the first state for the steps between the levels of the table."""
+STATE_COUNT = TABLE_STATES_START + 4 * STATES_PER_CONTEXT
+"""Number of states of an image. Archives depend on all these indices."""
 _ADAPTING_ANSWERS = 60
 """Number of answers after which a question's probability adapts at a constant rate, so that it follows a
 changing image. It is part of the layout."""
@@ -43,7 +46,7 @@ _ADAPTATION_RATES = np.array([round(65536 / (n + 1.6)) for n in range(_ADAPTING_
 
 
 @njit(cache=True, nogil=True)
-def _update_state(states: AnyArray, at: int, bit: int) -> None:
+def update_state(states: AnyArray, at: int, bit: int) -> None:
     """Adapts the probability of a question towards the answer ``bit``. The low byte of a state counts the
     answers."""
     state = int(states[at])
@@ -78,7 +81,7 @@ def _decode_bit(coder: AnyArray, data: UInt8, odds: int) -> int:
 def _decode_with_state(coder: AnyArray, data: UInt8, states: AnyArray, at: int) -> int:
     """Decodes one answer with the probability stored in a state."""
     bit = _decode_bit(coder, data, int(states[at]) >> 8)
-    _update_state(states, at, bit)
+    update_state(states, at, bit)
     return int(bit)
 
 
@@ -88,7 +91,7 @@ def _difference_class(difference: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _context_index(w: int, ww: int, n: int, ne: int, p: int, recent: int) -> int:
+def compute_context_index(w: int, ww: int, n: int, ne: int, p: int, recent: int) -> int:
     """Returns the index of a pixel's context, 0..SURROUNDINGS-1."""
     size = 0
     while size < 11 and recent >> size > 0:
@@ -110,7 +113,7 @@ def _decode_residual(coder: AnyArray, data: UInt8, states: AnyArray, base: int) 
         if _decode_with_state(coder, data, states, base + 1 + m):
             return -m if negative else m
     bits, value = 0, 1
-    while bits < 17 and not _decode_with_state(coder, data, states, _LARGE_STATES_START + bits):
+    while bits < 17 and not _decode_with_state(coder, data, states, LARGE_STATES_START + bits):
         bits += 1
     for _ in range(bits):
         value = (value << 1) | _decode_bit(coder, data, 32768)
@@ -123,7 +126,7 @@ def _read_table(values: UInt16, data: UInt8, coder: AnyArray, states: AnyArray) 
     """Decodes the ascending ``values`` (P + 1,). Each step is predicted to equal the previous step."""
     former, size = 1, 0
     for level in range(1, values.size):
-        r = _decode_residual(coder, data, states, _TABLE_STATES_START + size * STATES_PER_CONTEXT)
+        r = _decode_residual(coder, data, states, TABLE_STATES_START + size * STATES_PER_CONTEXT)
         step = former + r
         value = int(np.int64(values[level - 1])) + step
         if step < 1 or value > 65535:
@@ -159,7 +162,7 @@ def _read_image(depth: UInt16, values: UInt16, data: UInt8, coder: AnyArray, sta
                 coder,
                 data,
                 states,
-                _HOLE_STATES + _context_index(w, ww, n, ne, p, recent) * STATES_PER_CONTEXT,
+                HOLE_STATES + compute_context_index(w, ww, n, ne, p, recent) * STATES_PER_CONTEXT,
             )
             v = p + r
             v = v - count if v > count else (v + count if v < 1 else v)
@@ -180,7 +183,7 @@ def unpack_levels(data: UInt8, values: UInt16, tabled: bool, depth: UInt16) -> b
         tabled: True if the data contains the depths of the levels.
         depth: (H, W) receives the image, millimetres.
     """
-    states = np.full(_STATE_COUNT, 32768 << 8, np.int32)
+    states = np.full(STATE_COUNT, 32768 << 8, np.int32)
     coder = np.array([0, 0xFFFFFFFF, 4, 0], np.int64)
     for at in range(4):
         coder[3] = (coder[3] << 8) | (int(np.int64(data[at])) if at < data.size else 0)

@@ -33,7 +33,7 @@ _MAX_EXACT_STEPS = 15
 uncertain."""
 _COARSE_STRIDE_PX = 4
 """Step between sample points in the coarse volumes, in pixels of the half-size image."""
-_ROBUST_WIDTH_VOXELS = 2.0
+ROBUST_WIDTH_VOXELS = 2.0
 """Width of the robust weight function, in voxels. A point at this distance from the surface has a quarter of
 the full weight."""
 _GRAVITY_WEIGHT_M2 = 0.1
@@ -112,7 +112,7 @@ class CameraTracker:
         pose = start.copy()
         for level in range(min(coarsest, len(self.volumes) - 1), -1, -1):
             for _ in range(_MAX_COARSE_STEPS if level else _MAX_FINE_STEPS):
-                move = self._gauss_newton_step(self._normal_equations(view, pose, level), pose, up)
+                move = self._gauss_newton_step(self.compute_normal_equations(view, pose, level), pose, up)
                 pose = move_pose(pose, move)
                 if np.linalg.norm(move) < _MIN_ALIGNMENT_STEP:
                     break
@@ -129,18 +129,18 @@ class CameraTracker:
         """
         pose = start.copy()
         for _ in range(_MAX_EXACT_STEPS):
-            sums = self._normal_equations(view, pose, 0, closely=True)
+            sums = self.compute_normal_equations(view, pose, 0, closely=True)
             move = self._gauss_newton_step(sums, pose, up, _normal_matrix(sums[SQUARE_COUNT + 1 :]))
             pose = move_pose(pose, move)
             if np.linalg.norm(move) < _MIN_ALIGNMENT_STEP:
                 break
-        sums = self._normal_equations(view, pose, 0, closely=True)
-        return self._alignment_for(sums, pose, _denoise_close_matrix(sums, self.settings.independent))
+        sums = self.compute_normal_equations(view, pose, 0, closely=True)
+        return self._alignment_for(sums, pose, denoise_close_matrix(sums, self.settings.independent))
 
     def evaluate(self, view: DepthView, pose: Float) -> Alignment:
         """Evaluates a given pose: returns it with its fit, error and information."""
-        sums = self._normal_equations(view, pose, 0)
-        return self._alignment_for(sums, pose, _denoise_matrix(sums))
+        sums = self.compute_normal_equations(view, pose, 0)
+        return self._alignment_for(sums, pose, denoise_matrix(sums))
 
     def _alignment_for(self, sums: Float, pose: Float, true_matrix: Float) -> Alignment:
         """Returns the alignment for the sums (SUMS,) at a pose. ``true_matrix`` (6, 6) is the normal matrix
@@ -155,7 +155,9 @@ class CameraTracker:
         agreeing, overlap = sums[29] / max(sums[31], 1e-12), sums[31] / max(sums[30], 1e-12)
         return Alignment(pose, float(agreeing), float(overlap), error, information)
 
-    def _normal_equations(self, view: DepthView, pose: Float, level: int, *, closely: bool = False) -> Float:
+    def compute_normal_equations(
+        self, view: DepthView, pose: Float, level: int, *, closely: bool = False
+    ) -> Float:
         """Returns the (SUMS,) sums of the normal equations over all points, as described at ``SUM_COUNT``.
         Each point uses the finest volume that covers its depth, starting with volume ``level``.
         """
@@ -172,7 +174,7 @@ class CameraTracker:
             sums = np.empty((rows, SUM_COUNT))
             run_in_pieces(
                 accumulate_normal_equations, rows, _ROWS_PER_PIECE, view.point_arrays, stride, span, pose,
-                _ROBUST_WIDTH_VOXELS * volume.band.voxel, volume.field, closely, sums,
+                ROBUST_WIDTH_VOXELS * volume.band.voxel, volume.field, closely, sums,
             )  # fmt: skip
             total += sums.sum(0)
         return total
@@ -216,7 +218,7 @@ def _normal_matrix(sums: Float) -> Float:
     return np.asarray(matrix + matrix.T - np.diag(np.diag(matrix)))
 
 
-def _denoise_matrix(sums: Float) -> Float:
+def denoise_matrix(sums: Float) -> Float:
     """Returns the (6, 6) normal matrix minus the part that the noise of the slopes alone adds to it.
 
     Slopes are measured, and a sum of their products is too large by the sum of their variances (errors in
@@ -238,7 +240,7 @@ def _denoise_matrix(sums: Float) -> Float:
     return np.asarray(matrix - _slope_variance(sums[MOMENT_COUNT + 9 : SQUARE_COUNT]) * (isotropic - matrix))
 
 
-def _denoise_close_matrix(sums: Float, independent: float) -> Float:
+def denoise_close_matrix(sums: Float, independent: float) -> Float:
     """Returns the (6, 6) matrix of products of slopes and normals, minus the noise that remains in its sums.
     ``independent`` is the fraction of the points that have independent noise.
     """

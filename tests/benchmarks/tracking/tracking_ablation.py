@@ -87,7 +87,7 @@ def _returns(value: Any) -> Callable[..., Any]:
 
 def _starts_without_mirror(*arguments: Any) -> list[Any]:
     starts = arm_starts.arm_starts(*arguments)
-    kept = [start for start in starts if getattr(start, "func", None) is not arm_starts._mirror_other_arm]
+    kept = [start for start in starts if getattr(start, "func", None) is not arm_starts.mirror_other_arm]
     return kept or starts
 
 

@@ -163,8 +163,8 @@ def _sole_below(named: dict[str, np.ndarray], tilt: float) -> float:
 def js6450(name: str, file: str) -> Real:
     """Returns every frame of a take, drawn from the samples around the joints."""
     path = DATA / "skeletons" / "js6450_kinect2_json" / file
-    cleaned = [[flow_room._clean_joints(s) for s in frame] for frame in flow_room._read_frames(path)]
-    distance = flow_room._estimate_distance([uvz for frame in cleaned for uvz, _ in frame], path)
+    cleaned = [[flow_room.clean_joints(s) for s in frame] for frame in flow_room.read_frames(path)]
+    distance = flow_room.estimate_distance([uvz for frame in cleaned for uvz, _ in frame], path)
     recorded = _json(path)
     people = sorted({s["trackingId"] for frame in recorded for s in frame})
     people = [i for i in people if sum(i == s["trackingId"] for f in recorded for s in f) > 20]
@@ -207,13 +207,13 @@ def _json(path: Path) -> list:
 
 def _near(samples: np.ndarray, middle: float) -> np.ndarray:
     """Returns the samples within a metre of the body's depth. Others hit the wall behind it, or nothing."""
-    apart = np.abs(samples[:, 2] - middle) * flow_room._METRES_PER_Z
+    apart = np.abs(samples[:, 2] - middle) * flow_room.METRES_PER_Z
     return samples[(samples[:, 2] > -499) & (apart < 1.0)]
 
 
 def _camera_points(uvz: np.ndarray, distance: float) -> np.ndarray:
     """Returns (N, 3) metres, camera frame. The recorded image is mirrored: left is at its left."""
-    z = distance + uvz[:, 2] * flow_room._METRES_PER_Z
+    z = distance + uvz[:, 2] * flow_room.METRES_PER_Z
     x, y = (KINECT2.cx - uvz[:, 0]) / KINECT2.fx * z, (uvz[:, 1] - KINECT2.cy) / KINECT2.fy * z
     return np.stack([x, y, z], 1)
 

@@ -191,8 +191,14 @@ def made_solver(tail, translation, seed=1):
     state = random_state(graph, seed + 4)
     solver = EmbeddedSolver(graph, points, chosen, start=state, stiffness=stiffness)
     solver.store_targets(targets, pulls)
-    solver.planes = convert_planes(planes, chosen.planes, graph.positions, solver._place)
+    solver.planes = convert_planes(planes, chosen.planes, graph.positions, np.argsort(node_order(solver)))
     return solver, (graph, points, targets, pulls, chosen, planes, stiffness)
+
+
+def node_order(solver):
+    """Returns (N,) the node of each row of the solver's unknowns."""
+    places = solver.state()[1]
+    return np.array([np.abs(places - row[3, :3]).max(1).argmin() for row in solver.unknowns])
 
 
 def flat_of(solver):
@@ -296,7 +302,7 @@ def test_the_matrix_is_the_second_derivative_of_turns_and_shifts_and_of_each_str
         own, six = loose[:, 12 * n : 12 * n + 12], slice(6 * n, 6 * n + 6)
         block = own.T @ own
         gives[six, six] = -np.linalg.solve(whole[six, six], block[:6, 6:])
-        ridge = 0.1 * chosen.rotation * stiffness[solver._order[n]]
+        ridge = 0.1 * chosen.rotation * stiffness[node_order(solver)[n]]
         stretch[six, six] = block[6:, 6:] + ridge * np.eye(6) + block[6:, :6] @ gives[six, six]
     rng = np.random.default_rng(0)
     turns, stretches = rng.normal(size=(2, 6 * count))

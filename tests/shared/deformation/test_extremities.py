@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.deformation.graph.surface_ends import (
-    _MAX_SMALL_SHELL_POINTS,
-    _local_maxima,
+    MAX_SMALL_SHELL_POINTS,
     find_extremity_vertices,
+    find_local_maxima,
     shell_connections,
 )
 from enliven.errors import InputError
@@ -87,7 +87,7 @@ def test_loose_vertices_are_no_ends():
 
 
 @settings(max_examples=40)
-@given(st.integers(0, 10**6), st.sampled_from([(1, 4), (30, 1), (30, 3), (5, 2 * _MAX_SMALL_SHELL_POINTS)]))
+@given(st.integers(0, 10**6), st.sampled_from([(1, 4), (30, 1), (30, 3), (5, 2 * MAX_SMALL_SHELL_POINTS)]))
 def test_shells_are_joined_by_the_shortest_pairs_that_make_them_one(seed, sizes):
     """As the obvious way joins them: of all pairs of shells the nearest one that is not one piece yet."""
     chance, (shells, largest) = np.random.default_rng(seed), sizes
@@ -116,7 +116,7 @@ def test_peaks_stand_over_their_passes():
     count = len(height)
     offsets = np.concatenate([[0], np.cumsum([1] + [2] * (count - 2) + [1])]).astype(np.int32)
     neighbours = np.array([1, 0, 2, 1, 3, 2, 4, 3, 5, 4, 6, 5], np.int32)
-    tips, over = _local_maxima(offsets, neighbours, height, np.argsort(-height))
+    tips, over = find_local_maxima(offsets, neighbours, height, np.argsort(-height))
     assert dict(zip(tips.tolist(), over.tolist(), strict=True)) == {1: 5.0, 3: 2.0, 5: 2.0}
 
 

@@ -8,9 +8,8 @@ from creatures import random_problem
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.deformation.embedded import lbfgs
 from enliven.deformation.embedded.inputs import NO_PLANES
-from enliven.deformation.embedded.lbfgs import SolverBuffers
+from enliven.deformation.embedded.lbfgs import SolverBuffers, compute_search_direction
 from enliven.deformation.embedded.preconditioner import apply_preconditioner, refactorize_matrix
 from enliven.deformation.embedded.solver import EmbeddedSolver
 
@@ -20,7 +19,7 @@ def system():
     """Returns the matrix of a small creature at rest."""
     problem = random_problem(5, 21, 1, 1.0)
     solver = EmbeddedSolver(problem.graph, problem.points)
-    solver.store_targets(problem.targets[0], solver._ones)
+    solver.store_targets(problem.targets[0], np.ones(len(problem.targets[0])))
     x = solver.unknowns.reshape(-1)
     refactorize_matrix(x, solver.terms, NO_PLANES, np.zeros_like(x), solver.current_matrix)
     return solver.current_matrix
@@ -61,7 +60,7 @@ def test_a_direction_is_that_of_the_plain_two_loops(seed, kept):
     """To a ten-thousandth: float32 has seven digits, and the pairs' shares multiply their rounding."""
     work = filled_buffers(len(system().inverse) // 48, seed)
     expected, slope = plain_direction(work, kept)
-    direction = lbfgs._search_direction(work.now, work, np.int64(kept), system())
+    direction = compute_search_direction(work.now, work, np.int64(kept), system())
     size = np.abs(expected).max()
     np.testing.assert_allclose(work.own, expected, atol=1e-4 * size)
     assert direction == pytest.approx(slope, abs=1e-4 * np.linalg.norm(expected) * np.linalg.norm(work.now))

@@ -13,7 +13,7 @@ from enliven.deformation.constraints.floor_contact import FloorContact, FloorSet
 from enliven.deformation.constraints.observed import (
     ObservedSettings,
     ObservedSurface,
-    _compatible_surface_points,
+    find_compatible_surface_points,
 )
 from enliven.deformation.constraints.self_contact import SelfContact, SelfContactSettings
 from enliven.deformation.constraints.soft import ConstrainedPoints, join_planes, subsample_on_grid
@@ -157,7 +157,7 @@ def test_the_nearest_compatible_point_is_the_one_that_a_look_at_all_would_find(s
     rng = np.random.default_rng(seed)
     points, surface = rng.normal(size=(20, 3)), rng.normal(size=(40, 3))
     normals, facing = rng.normal(size=(20, 3)), rng.normal(size=(40, 3))
-    nearest, lengths = _compatible_surface_points(points, normals, surface, facing, farthest, cosine)
+    nearest, lengths = find_compatible_surface_points(points, normals, surface, facing, farthest, cosine)
     for i in range(20):
         apart = np.linalg.norm(surface - points[i], axis=1)
         apart[(facing @ normals[i] <= cosine) | (apart >= farthest)] = np.inf
@@ -231,7 +231,7 @@ def test_raised_mesh_keeps_shape_and_touches_the_floor(trousers, way, floor):
     raised = contact.raise_above_floor(linear, moved, floor)
     lift = raised - moved
     np.testing.assert_allclose(lift, np.tile([0.0, lift[0, 1], 0.0], (len(lift), 1)), atol=1e-12)
-    lowest = contact._all.deform_points(linear, raised)[:, 1].min()
+    lowest = contact.soles.deform_points(linear, raised)[:, 1].min()
     ground = min(floor, float(character.vertices[:, 1].min()))
     assert lowest >= ground - 1e-6
     assert lift[0, 1] == 0.0 or lowest == pytest.approx(ground, abs=1e-6), "no higher than it must"

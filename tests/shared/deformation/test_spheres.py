@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.deformation.spheres import SphereProxies, SphereSettings, _greedy_cover, pack_spheres
+from enliven.deformation.spheres import SphereProxies, SphereSettings, pack_spheres, select_greedy_cover
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
 from enliven.rotation import from_rotation_vector, to_matrix
@@ -102,8 +102,8 @@ def test_the_packing_is_that_of_the_plain_rule():
     for p in order:
         if not slow or np.linalg.norm(inner[slow] - points[p], axis=1).min() > radius:
             slow.append(int(p))
-    assert _greedy_cover(points, inner, order, radius, 400).tolist() == slow
-    assert len(_greedy_cover(points, inner, order, radius, len(slow) - 1)) == 0
+    assert select_greedy_cover(points, inner, order, radius, 400).tolist() == slow
+    assert len(select_greedy_cover(points, inner, order, radius, len(slow) - 1)) == 0
 
 
 def test_radius_matches_paper_within_limits():

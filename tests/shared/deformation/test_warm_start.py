@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven import rotation
-from enliven.deformation.embedded.warm_start import _MIN_VOLUME_FRACTION, _extrapolate_motion
+from enliven.deformation.embedded.warm_start import MIN_VOLUME_FRACTION, extrapolate_motion
 
 
 def gone_on(now, last):
@@ -17,7 +17,7 @@ def gone_on(now, last):
     turn = 0.5 * np.cross(columns[:3], change[:3]).sum(0)
     there = columns + change
     there[:3] += np.cross(turn, np.cross(turn, columns[:3]))
-    if np.linalg.det(there[:3]) < _MIN_VOLUME_FRACTION * np.linalg.det(columns[:3]):
+    if np.linalg.det(there[:3]) < MIN_VOLUME_FRACTION * np.linalg.det(columns[:3]):
         there[:3] = columns[:3]
     return np.concatenate([there, np.zeros((4, 1))], 1).ravel()
 
@@ -38,7 +38,7 @@ def test_nodes_go_on_as_they_did_unless_that_would_press_them_flat(seed, pace):
     now = some_nodes(rng, 5)
     last, out = now.copy(), np.empty(80)
     last[:, :, :3] += pace * rng.normal(size=(5, 4, 3))
-    _extrapolate_motion(now.reshape(-1), last.reshape(-1), out)
+    extrapolate_motion(now.reshape(-1), last.reshape(-1), out)
     expected = [gone_on(a, b) for a, b in zip(now, last, strict=True)]
     # Sums in another order: their last bits are others.
     np.testing.assert_allclose(out.reshape(5, 16), expected, rtol=1e-11, atol=1e-11)
@@ -48,6 +48,6 @@ def test_a_node_that_was_halved_keeps_its_shape_and_moves_on():
     now, out = np.zeros((1, 4, 4)), np.empty(16)
     now[0, :3, :3], now[0, 3, 0] = 0.5 * np.eye(3), 1.0
     last = 2.0 * now
-    _extrapolate_motion(now.reshape(-1), last.reshape(-1), out)
+    extrapolate_motion(now.reshape(-1), last.reshape(-1), out)
     np.testing.assert_array_equal(out.reshape(4, 4)[:3, :3], now[0, :3, :3])
     np.testing.assert_array_equal(out[12:], np.zeros(4))

@@ -149,7 +149,9 @@ def test_drift_correction_does_not_slide_planted_feet(seed, angle):
     moves = {"drawn": corrected, "loose": plain}
     for name, motion in moves.items():
         still = np.flatnonzero((motion.anchors[1:] == motion.anchors[:-1]) & (motion.anchors[1:] >= 0))[:-5]
-        spots = [[motion._world_position(f, int(motion.anchors[k + 1])) for f in (k, k + 1)] for k in still]
+        spots = [
+            [motion.compute_world_position(f, int(motion.anchors[k + 1])) for f in (k, k + 1)] for k in still
+        ]
         moves[name] = np.linalg.norm(np.diff(spots, axis=1)[:, 0, [0, 2]], axis=1)
     assert moves["loose"].max() < 1e-9
     assert np.mean(moves["drawn"] < 1e-9) > 0.95

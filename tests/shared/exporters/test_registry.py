@@ -40,7 +40,7 @@ def check_dat(tmp_path, clip):
 def test_exporter_needs_one_file_and_one_line(tmp_path, monkeypatch, clip):
     (tmp_path / "made_dat_exporter.py").write_text(ONE_FILE)
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setitem(registry._BUILT_IN, "dat", "made_dat_exporter:DAT")
+    monkeypatch.setitem(registry.BUILT_IN_EXPORTERS, "dat", "made_dat_exporter:DAT")
     check_dat(tmp_path, clip)
 
 
@@ -78,7 +78,7 @@ def test_unwritable_export_is_refused_without_output(tmp_path, name, options, er
 
 def test_exporter_is_imported_lazily(tmp_path, monkeypatch):
     monkeypatch.delitem(sys.modules, "enliven.exporters.bvh")
-    monkeypatch.setitem(registry._BUILT_IN, "glb", "a.module.that.is.not:there")
+    monkeypatch.setitem(registry.BUILT_IN_EXPORTERS, "glb", "a.module.that.is.not:there")
     exporter = exporter_of(tmp_path / "OUT.BVH", unit="cm")
     assert exporter.write.__name__ == BVH.write.__name__ and exporter.jointed and exporter.single
     with pytest.raises(ModuleNotFoundError):

@@ -245,7 +245,8 @@ def test_a_restart_needs_the_form_and_ends_only_programs_of_enliven(monkeypatch)
             page.wait_for("foreign")
             status, form = form_of(page, "restart", "window")
             assert status == 200 and "token=" in form
-            monkeypatch.setattr(app, "_MIN_ACTION_INTERVAL_S", 0.5)
+            interval_s = 0.5
+            monkeypatch.setattr(app, "_MIN_ACTION_INTERVAL_S", interval_s)
             assert page.request("POST", "/restart", body="subject=window&token=wrong")[0] == 409
             assert page.request("POST", "/restart", body=form.replace("window", "foreign"))[0] == 409
             assert page.request("POST", "/restart", {"Origin": "http://evil.example"}, form)[0] == 409
@@ -257,7 +258,7 @@ def test_a_restart_needs_the_form_and_ends_only_programs_of_enliven(monkeypatch)
             assert "127.0.0.1 restarted the program" in page.get("/")
             assert ended_by(pid) == signal.SIGTERM
             assert "a moment ago" in page.request("POST", "/restart", body=form)[2].decode()
-            time.sleep(app._MIN_ACTION_INTERVAL_S)
+            time.sleep(interval_s)
             status, _, body = page.request("POST", "/restart", body=form_of(page, "restart", "foreign")[1])
             assert status == 409 and b"not a program of enliven" in body and alive(foreign)
 

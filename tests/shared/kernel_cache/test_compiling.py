@@ -59,7 +59,7 @@ def test_long_wait_for_compilation_is_explained_once(monkeypatch, caplog, second
     """Three functions are compiled, and then a fourth. Each takes this number of seconds."""
     clock = itertools.count(step=seconds)
     monkeypatch.setattr(compiling.time, "perf_counter", lambda: next(clock))
-    compilations = compiling._CompilationCounter()
+    compilations = compiling.CompilationCounter()
     if shows_progress:
         compilations.callbacks.append(lambda count: None)
     caplog.set_level("INFO")

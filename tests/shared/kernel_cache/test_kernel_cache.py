@@ -2,15 +2,15 @@
 disk.
 """
 
+import importlib.util
 import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
-
-from enliven.kernel_cache import store
 
 CALLED = """
 from enliven.kernels import njit
@@ -180,22 +180,25 @@ def test_fields_that_change_places_in_a_named_tuple_are_other_code(tmp_path, rea
         assert run_caller(tmp_path) == expected
 
 
+def load_store() -> ModuleType:
+    """Returns the module ``store`` as a new process loads it."""
+    spec = importlib.util.find_spec("enliven.kernel_cache.store")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 def test_files_that_no_start_asked_for_in_months_are_deleted(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    caches = (store.user_folder, store._delete_unused)
-    for cache in caches:
-        cache.cache_clear()
-    try:
-        for name in ("old.kernel", "used.kernel", "of_0.1.nbi"):
-            store.save_kernel(name, "code")
-            os.utime(tmp_path / name, (0.0, 0.0))
-        assert store.load_kernel("used.kernel") == "code"
-        store._delete_unused.cache_clear()
-        store.save_kernel("new.kernel", "code")
-        assert sorted(path.name for path in tmp_path.iterdir()) == ["new.kernel", "used.kernel"]
-    finally:
-        for cache in caches:
-            cache.cache_clear()
+    first = load_store()
+    for name in ("old.kernel", "used.kernel", "of_0.1.nbi"):
+        first.save_kernel(name, "code")
+        os.utime(tmp_path / name, (0.0, 0.0))
+    second = load_store()
+    assert second.load_kernel("used.kernel") == "code"
+    second.save_kernel("new.kernel", "code")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["new.kernel", "used.kernel"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs limits of POSIX")

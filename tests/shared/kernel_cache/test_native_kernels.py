@@ -172,7 +172,7 @@ def test_kernels_that_cannot_be_compiled_do_not_stop_the_others(folder, monkeypa
         return name != "b.kernel"
 
     wanted = {name: ("module", "kernel", b"") for name in ("a.kernel", "b.kernel", "c.kernel")}
-    monkeypatch.setattr(native_compiler, "_compile", compile_or_fail)
+    monkeypatch.setattr(native_compiler, "compile_kernel", compile_or_fail)
     assert native_compiler.compile_missing("stage", wanted, folder) == 0
     assert native_compiler.compile_missing("stage", wanted, folder) == 0
     assert compiled == ["a.kernel", "b.kernel", "c.kernel"], "none is compiled twice"
@@ -182,14 +182,14 @@ def test_kernels_that_cannot_be_compiled_do_not_stop_the_others(folder, monkeypa
 
 def test_unknown_module_and_other_code_cannot_be_compiled():
     types = pickle.dumps(())
-    assert not native_compiler._compile("a.kernel", "no_such_module", "kernel", types)
-    assert not native_compiler._compile("a.kernel", "enliven.kernels", "quantile", types)
-    assert not native_compiler._compile("a.kernel", "enliven.kernels", "no_such_kernel", types)
+    assert not native_compiler.compile_kernel("a.kernel", "no_such_module", "kernel", types)
+    assert not native_compiler.compile_kernel("a.kernel", "enliven.kernels", "quantile", types)
+    assert not native_compiler.compile_kernel("a.kernel", "enliven.kernels", "no_such_kernel", types)
 
 
 def test_full_disk_ends_the_compilation(folder, monkeypatch):
     wanted = {name: ("module", "kernel", b"") for name in ("a.kernel", "b.kernel")}
-    monkeypatch.setattr(native_compiler, "_compile", lambda *kernel: True)
+    monkeypatch.setattr(native_compiler, "compile_kernel", lambda *kernel: True)
     assert native_compiler.compile_missing("stage", wanted, folder) == 0
     assert NativeSet.load("stage").missing == ("a.kernel", "b.kernel")
 
@@ -202,18 +202,18 @@ def test_nothing_is_compiled_on_battery(folder, tmp_path, monkeypatch):
     monkeypatch.setattr(native_schedule, "_POWER_SUPPLY_FOLDER", supplies)
     assert native_schedule.runs_on_battery()
     wanted = {"a.kernel": ("module", "kernel", b"")}
-    assert native_compiler.compile_missing("stage", wanted, folder) == native_compiler._RETRY_LATER_EXIT_CODE
+    assert native_compiler.compile_missing("stage", wanted, folder) == native_compiler.RETRY_LATER_EXIT_CODE
     (supplies / "BAT0" / "status").write_text("Charging\n")
     assert not native_schedule.runs_on_battery()
 
 
 def test_one_process_compiles_at_a_time(folder):
     with (
-        native_compiler._lock_compilation(folder) as first,
-        native_compiler._lock_compilation(folder) as second,
+        native_compiler.lock_compilation(folder) as first,
+        native_compiler.lock_compilation(folder) as second,
     ):
         assert first and not second
-    with native_compiler._lock_compilation(folder) as later:
+    with native_compiler.lock_compilation(folder) as later:
         assert later
 
 

@@ -10,7 +10,7 @@ from mesh_makers import partition_of_unity, volume, watertight
 from enliven.errors import InputError
 from enliven.modeling.mesh.cut_loops import winding_number
 from enliven.modeling.sketching.axis_bones import simplify_chain
-from enliven.modeling.sketching.outline import _find_crossing_segments, trace_outline
+from enliven.modeling.sketching.outline import find_crossing_segments, trace_outline
 from enliven.modeling.sketching.sketch import SketchPlane, shape_from_stroke
 
 ALL = {
@@ -192,5 +192,5 @@ def test_crossings_are_those_that_solving_finds(seed, count, closed):
             if 0 <= s <= 1 and 0 <= t <= 1:
                 slow.append([i + s, j + t])
     np.testing.assert_allclose(
-        _find_crossing_segments(points, closed), np.array(slow).reshape(-1, 2), atol=1e-6
+        find_crossing_segments(points, closed), np.array(slow).reshape(-1, 2), atol=1e-6
     )

@@ -39,13 +39,14 @@ from enliven.modeling.edits import (
 )
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.possessed.solving import (
-    _extract_part_at_rest,
+    extract_part_at_rest,
     has_missing_motion,
     possess_mesh,
     solve_again,
     stale,
 )
 from enliven.possession import EmbeddedActor, settings_from_possession
+from enliven.possession.placement import Placement
 from enliven.possession.replaying import replay
 
 laws = settings(deadline=None, max_examples=5)
@@ -104,7 +105,7 @@ def held_misses(project, name, number=0):
     """
     shape = project.graph(name)
     part = shape.parts[number]
-    (bare, _), take, actors = _extract_part_at_rest(shape, number), project.bodies[part.possession.take], []
+    (bare, _), take, actors = extract_part_at_rest(shape, number), project.bodies[part.possession.take], []
 
     class Watched(EmbeddedActor):
         def __init__(self, *given):
@@ -122,7 +123,8 @@ def held_misses(project, name, number=0):
                 attachments = [grip.attachment for grip in hold.attachments]
                 targets, pulls = hold.targets
                 reached = np.concatenate([moved(a, actor.graph.positions, pose) for a in attachments])
-                goals = actor._placement.to_world(targets)
+                scale, yaw, *offset = actor.place
+                goals = Placement(scale, yaw, np.array(offset)).to_world(targets)
                 misses.append(np.average(np.linalg.norm(reached - goals, axis=1), weights=pulls + 1e-9))
         return np.array(misses[6:])
     finally:

@@ -11,7 +11,7 @@ from sample_meshes.chair import make_chair
 from enliven.meshes.mesh import Mesh
 from enliven.person.joints import PARENTS, Joint
 from enliven.possession.likeness.standing_person import (
-    _ProximityGrid,
+    ProximityGrid,
     fit_figures,
     fit_standing_person,
     make_standing_figure,
@@ -96,15 +96,18 @@ def test_two_who_stand_apart_share_a_horse(horse) -> None:
 def test_a_point_is_as_near_as_the_cell_that_it_is_in(seed) -> None:
     """One by one, in the grid and beyond it, against all points and places at once."""
     dice = np.random.default_rng(seed)
-    near = _ProximityGrid(dice.uniform(-1, 1, (20, 3)), 0.2, 0.1)
+    given = dice.uniform(-1, 1, (20, 3))
+    near = ProximityGrid(given, 0.2, 0.1)
     points, shifts = dice.uniform(-2, 2, (9, 3)), dice.uniform(-2, 2, (7, 3)) * [1, 0, 1]
-    grid = near._values[1:-1, 1:-1, 1:-1]
+    low, high = given.min(0) - 3 * 0.2, given.max(0) + 3 * 0.2
+    counts = np.ceil((high - low) / near.cell).astype(int) + 1
     nearness = near.sample_shifted(points, shifts)
     for s, shift in enumerate(shifts):
         for p, point in enumerate(points):
-            cell = np.round((point + shift - near._low) / near.cell).astype(int)
-            inside = (cell >= 0).all() and (cell < grid.shape).all()
-            assert nearness[s, p] == (grid[tuple(cell)] if inside else 0.0)
+            cell = np.round((point + shift - low) / near.cell).astype(int)
+            length = np.linalg.norm(given - (low + cell * near.cell), axis=1).min()
+            inside = (cell >= 0).all() and (cell < counts).all() and length < 4 * 0.2
+            assert nearness[s, p] == pytest.approx(np.exp(-((length / 0.2) ** 2)) if inside else 0.0)
 
 
 def test_only_the_meshs_position_changes(chair) -> None:

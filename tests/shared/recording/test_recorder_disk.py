@@ -9,6 +9,7 @@ import pytest
 
 from enliven.errors import InputError, ResourceError
 from enliven.recording import Recorder, Recording, RecordingWarning
+from enliven.recording.container import open_container
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs limits of POSIX")
 
@@ -67,7 +68,7 @@ def test_a_damaged_first_chunk_of_a_cut_recording_costs_its_messages_only(tmp_pa
         recorder.write("/x", "X", "{}", "jsonschema", "raw", bytes([i]) * 100, i)
     whole = path.read_bytes()
     recorder.close()
-    ref = min(Recording(path)._container.chunks, key=lambda ref: ref.offset)
+    ref = min(open_container(path).chunks, key=lambda ref: ref.offset)
     data = bytearray(whole)
     data[ref.offset + ref.length // 2] ^= 0x55
     path.write_bytes(data)

@@ -24,6 +24,7 @@ from enliven.frames import BodyFrame, DepthFrame
 from enliven.person.body import Body
 from enliven.person.joints import J
 from enliven.recording import Recorder, Recording, RecordingWarning
+from enliven.recording.container import open_container
 from enliven.recording.messages import pack_bodies, pack_depth, unpack_bodies, unpack_depth
 
 CAMERA = Intrinsics(32, 24, 26.25, 26.3, 15.5, 11.5, (0.1, -0.2, 0.003, 0.004, 0.05))
@@ -231,7 +232,7 @@ def test_a_damaged_chunk_is_skipped_with_one_warning(tmp_path):
     frames = [depth_frame(i) for i in range(8)]
     path = write(tmp_path / "a.mcap", frames, sync_seconds=0.0)
     data = bytearray(path.read_bytes())
-    refs = Recording(path)._container.chunks
+    refs = open_container(path).chunks
     for ref in (refs[2], refs[5]):
         data[ref.offset + ref.length // 2] ^= 0x55
     path.write_bytes(data)

@@ -12,6 +12,7 @@ import pytest
 
 from enliven.errors import InputError
 from enliven.recording import Recorder, Recording
+from enliven.recording.container import open_container
 from enliven.recording.recovery import LostSpan, recover
 
 STEP = 100_000_000
@@ -51,7 +52,7 @@ def expected(numbers) -> dict[int, tuple[str, bytes]]:
 
 
 def chunks(path):
-    return sorted(Recording(path)._container.chunks, key=lambda ref: ref.offset)
+    return sorted(open_container(path).chunks, key=lambda ref: ref.offset)
 
 
 def test_a_whole_recording_is_copied_whole(tmp_path):

@@ -174,12 +174,12 @@ def test_slope_noise_correction_matches_slow_sum():
     near, pose = room_depth(carried(0.5)), carried(0.5)
     near[near > 0.98 * scanner.volumes[0].reach] = np.inf  # farther points are looked up in coarser voxels
     view = scanner.prepare_view(frame_of(noisy(near, 1)))
-    sums = scanner.tracker._normal_equations(view, pose, 0, closely=True)
+    sums = scanner.tracker.compute_normal_equations(view, pose, 0, closely=True)
     matrix, true, field = np.zeros((6, 6)), np.zeros((6, 6)), scanner.volumes[0].field
     extra, angles, weights = np.zeros((6, 6)), [], []
     sample, last = np.empty(4), np.array([-1, 1 << 40, 0, 0])
     stride = scanner.settings.tracking.fine_stride
-    soft = frame_to_model_tracking._ROBUST_WIDTH_VOXELS * field.band.voxel
+    soft = frame_to_model_tracking.ROBUST_WIDTH_VOXELS * field.band.voxel
     for row in range(0, view.worth.shape[0], stride):
         for column in range((row // stride % 2) * (stride // 2), view.worth.shape[1], stride):
             q = pose[:3, :3] @ view.points[row, column].astype(float)
@@ -199,7 +199,7 @@ def test_slope_noise_correction_matches_slow_sum():
     share = np.cumsum(np.array(weights)[order]) / np.sum(weights)
     median = np.array(angles)[order][np.searchsorted(share, 0.5)]
     expected = matrix - median**2 / (2 * np.log(2)) * (extra - matrix)
-    corrected = frame_to_model_tracking._denoise_matrix(sums)
+    corrected = frame_to_model_tracking.denoise_matrix(sums)
     # Bins of a sixteenth determine the median to a few percent, and the correction to twice that.
     assert np.abs(corrected - expected).max() < 0.3 * np.abs(matrix - expected).max()
     # Corrected for noise: products of slopes and normals, and a part of the remainder in proportion to the
@@ -207,7 +207,7 @@ def test_slope_noise_correction_matches_slow_sum():
     independent = scanner.settings.tracking.independent
     count = np.sum(weights) ** 2 / np.square(weights).sum()
     close, less = (
-        frame_to_model_tracking._denoise_close_matrix(sums, independent),
+        frame_to_model_tracking.denoise_close_matrix(sums, independent),
         1.0 / np.sqrt(independent * count),
     )
     np.testing.assert_allclose(close, true - less * (matrix - true), rtol=1e-5, atol=1e-5 * true.max())

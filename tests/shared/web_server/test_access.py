@@ -108,9 +108,13 @@ def test_one_computer_cannot_use_many_ipv6_addresses():
 
 def test_many_addresses_do_not_fill_the_memory():
     gate = PasswordGate(PASSWORD)
-    for number in range(5000):
+    for _ in range(MAX_FAILURES):
+        gate.admits("192.0.2.1", basic("wrong"))
+    for number in range(999):
         gate.admits(f"10.0.{number // 256}.{number % 256}", basic("wrong"))
-    assert len(gate._failures) == 1000
+    assert gate.compute_remaining_lockout_s("192.0.2.1") > 0.0
+    gate.admits("10.1.0.0", basic("wrong"))
+    assert gate.compute_remaining_lockout_s("192.0.2.1") == 0.0, "only 1,000 addresses are stored"
 
 
 def test_a_form_token_belongs_to_one_action():

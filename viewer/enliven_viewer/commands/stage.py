@@ -72,7 +72,7 @@ def put(
       enliven stage put HORSE.obj
       enliven stage put SHOW.enliven#wolf --edge 192.168.1.20
     """
-    project, default_name, scales_to_person = _read(character, drive, up)
+    project, default_name, scales_to_person = read_character(character, drive, up)
     with _connect(edge) as client:
         is_replacing = (name or default_name) in client.characters
         answers: list[Answer] = []
@@ -121,7 +121,7 @@ def _describe_holders(cues: ReceivedCues | None) -> str:
     return f", controlled by performers {', '.join(map(str, sorted(owners)))}"
 
 
-def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
+def read_character(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
     """Returns (project, id of the character in it, True if the character is to be scaled to a person's
     height).
     """

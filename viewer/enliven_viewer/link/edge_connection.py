@@ -49,7 +49,7 @@ from enliven_viewer.link.stream_socket import StreamSocket
 from enliven_viewer.link.topic_health import SILENCE_TIMEOUT_S, TopicHealth, TopicWatch
 from enliven_viewer.link.topic_tracks import find_track, relabel_character
 
-_POLL_BUDGET_S = 0.01
+POLL_BUDGET_S = 0.01
 """Maximum time in seconds that one poll spends on messages, so that many messages do not block drawing."""
 _REQUEST_INTERVAL_S = 1.0
 """Seconds between two identical requests once stream messages arrive."""
@@ -130,7 +130,7 @@ class EdgeConnection:
         """Processes received messages and requests missing data. Does not block."""
         self._stream.watch_handshake()
         self._requests.poll(self._reject)
-        deadline = time.monotonic() + _POLL_BUDGET_S
+        deadline = time.monotonic() + POLL_BUDGET_S
         while time.monotonic() < deadline:
             data = self._stream.receive()
             if data is None:

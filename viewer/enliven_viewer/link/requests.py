@@ -27,7 +27,7 @@ from enliven.wire import (
     unpack_control,
 )
 
-_POLL_BUDGET_S = 0.005
+POLL_BUDGET_S = 0.005
 """Maximum time in seconds that one poll spends on replies. The next poll handles the remaining replies."""
 _MAX_LATE_REQUESTS = 256
 """Maximum number of stored timed-out requests. Late replies to them are ignored and do not count as
@@ -85,7 +85,7 @@ class Requests:
         """Calls back each answered request with its reply, and each timed-out request with None."""
         if self._socket is None and time.monotonic() >= self._reopen_at:
             self._open()
-        deadline = time.monotonic() + _POLL_BUDGET_S
+        deadline = time.monotonic() + POLL_BUDGET_S
         while self._socket is not None and time.monotonic() < deadline:
             try:
                 parts = self._socket.recv_multipart(zmq.DONTWAIT)

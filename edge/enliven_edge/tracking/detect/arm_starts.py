@@ -80,7 +80,7 @@ def arm_starts(
         nearer = np.linalg.norm(arm_joints - eye, axis=1) - np.linalg.norm(at_surface - eye, axis=1)
         if nearer[1:].max() > _MAX_DEPTH_ERROR_M:
             starts.append(partial(with_arm, at_surface))
-        starts.append(partial(_mirror_other_arm, posture, arm))
+        starts.append(partial(mirror_other_arm, posture, arm))
     return starts + _starts_at_protrusion(observation, posture, joints, arms)
 
 
@@ -101,7 +101,7 @@ def _with_arm(posture: Posture, joints: Float, arm: Arm, places: Float) -> Postu
     )[0]
 
 
-def _mirror_other_arm(posture: Posture, arm: Arm) -> Posture:
+def mirror_other_arm(posture: Posture, arm: Arm) -> Posture:
     """Returns the posture with an arm posed as the mirror image of the person's other arm."""
     symmetric, index = posture.copy(), list(arm)
     symmetric.rotations[index] = mirror_rotations(posture.rotations)[index]

@@ -106,7 +106,7 @@ class ObservedSurface:
         surface_normals = self._tips.deform_points(linear, positions) - surface
         surface_normals /= np.maximum(np.linalg.norm(surface_normals, axis=1, keepdims=True), 1e-12)
         max_distance = settings.farthest * metre
-        nearest, lengths = _compatible_surface_points(
+        nearest, lengths = find_compatible_surface_points(
             points, normals, surface, surface_normals, max_distance, math.cos(settings.angle)
         )
         is_matched = nearest >= 0
@@ -130,7 +130,7 @@ _NORMAL_STEP_M = 1e-3
 
 
 @njit(cache=True, nogil=True)
-def _compatible_surface_points(points, normals, surface, facing, farthest, cosine):
+def find_compatible_surface_points(points, normals, surface, facing, farthest, cosine):
     """Returns (M,) the nearest surface point with a compatible normal for each point, or -1 for none, and
     (M,) the distance to it in metres.
     """

@@ -222,7 +222,7 @@ def minimize_energy(x, t, planes, system, work, most, tolerance, allowance):
             reset_age(age)
             kept = np.int64(0)
         # Take a step in the L-BFGS direction.
-        slope = _search_direction(now, work, kept, system)
+        slope = compute_search_direction(now, work, kept, system)
         if not -slope > _NEGLIGIBLE_ENERGY:
             return iteration
         copy_row(before, now)
@@ -288,7 +288,7 @@ def _remember_step(work, kept):
 
 
 @njit(cache=True, nogil=True)
-def _search_direction(now, work, kept, system):
+def compute_search_direction(now, work, kept, system):
     """Computes the search direction into ``work.own``. Returns the slope of the energy along it.
 
     This is the two-loop recursion of L-BFGS (J. Nocedal 1980).
@@ -319,7 +319,7 @@ def run_trial_step(x, t, planes, system, work):
         work.curvatures[m] = 1.0
     record_energies(work, compute_energy_gradient(x, t, planes, work.raw))
     force_in_node_frame(x, work.raw, work.now)
-    slope = _search_direction(work.now, work, np.int64(_REMEMBERED_STEPS), system)
+    slope = compute_search_direction(work.now, work, np.int64(_REMEMBERED_STEPS), system)
     copy_row(work.last, x)
     _line_search(x, slope, t, planes, work)
     _remember_step(work, np.int64(0))

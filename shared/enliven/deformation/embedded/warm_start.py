@@ -12,7 +12,7 @@ from enliven.rotation import nearest_rotations
 _BAD_START_ENERGY_RATIO = 4.0
 """Maximum ratio of a start's energy to the energy of the last frame. Above it, more candidates are tried."""
 
-_MIN_VOLUME_FRACTION = 0.5
+MIN_VOLUME_FRACTION = 0.5
 """Minimum fraction of its volume that a node must keep for its matrix to be extrapolated."""
 
 
@@ -30,7 +30,7 @@ def choose_start(x, rest, t, planes, work):
     before = work.energies
     least = before[0] + before[1] + constraint_energy(x, t) + before[3] + before[4]
     settled = before[5]
-    _extrapolate_motion(x, work.last, work.trial)
+    extrapolate_motion(x, work.last, work.trial)
     copy_row(work.last, x)
     energies = compute_energy_gradient(work.trial, t, planes, work.raw)
     goes_on = energies[5] < least or not np.isfinite(least)
@@ -54,7 +54,7 @@ def choose_start(x, rest, t, planes, work):
 
 
 @njit(cache=True, nogil=True)
-def _extrapolate_motion(x, last, out):
+def extrapolate_motion(x, last, out):
     """Extrapolates the motion of the nodes between the last two frames by one frame, into ``out``.
 
     To second order, R(1) = R + d + w x (w x R), where d = R - R(-1), and w is the rotation of d.
@@ -68,7 +68,7 @@ def _extrapolate_motion(x, last, out):
         p = fma4(total4(turn * a), turn, fma4(-square, a, p))
         q = fma4(total4(turn * b), turn, fma4(-square, b, q))
         r = fma4(total4(turn * c), turn, fma4(-square, c, r))
-        if total4(p * cross4(q, r)) < _MIN_VOLUME_FRACTION * total4(a * cross4(b, c)):
+        if total4(p * cross4(q, r)) < MIN_VOLUME_FRACTION * total4(a * cross4(b, c)):
             # The node shrinks so fast that another frame of extrapolation would make it flat or turn it
             # inside out. So keep its current matrix.
             p, q, r = a, b, c

@@ -32,7 +32,7 @@ limb is far from most of the sources."""
 _MIN_END_PERSISTENCE = 0.02
 """Minimum persistence of a limb's end, as a fraction of the longest path along the mesh."""
 
-_MAX_SMALL_SHELL_POINTS = 64
+MAX_SMALL_SHELL_POINTS = 64
 """For shells of at most this number of points, the nearest other shell is searched among the neighbours of
 their points."""
 
@@ -80,7 +80,7 @@ def find_limb_ends(mesh: Mesh, max_count: int = 12, nodes: int = _NET_NODE_COUNT
     links = _join_net_edges(net)
     from_sources = _sample_far_points(links, _PATH_SOURCE_COUNT)
     far = from_sources.mean(0)
-    tips, persistence = _local_maxima(links.indptr, links.indices, far, np.argsort(-far, kind="stable"))
+    tips, persistence = find_local_maxima(links.indptr, links.indices, far, np.argsort(-far, kind="stable"))
     persistence[np.argmax(persistence)] = np.inf
     order = np.argsort(-persistence, kind="stable")[:max_count]
     longest = float(from_sources.max())
@@ -112,7 +112,7 @@ def _sample_far_points(links: scipy.sparse.csr_matrix, count: int) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def _local_maxima(offsets, neighbours, height, order):
+def find_local_maxima(offsets, neighbours, height, order):
     """Returns the local maxima of ``height``, and the height of each above its pass to a higher maximum.
 
     This height is the persistence. The points are added from the highest down, and merged into components
@@ -193,14 +193,14 @@ def _find_nearest_other_shell_points(points: Float, label: Int) -> Iterator[tupl
     """
     size = np.bincount(label)
     largest = int(size.argmax())
-    small = np.flatnonzero((size[label] <= _MAX_SMALL_SHELL_POINTS) & (label != largest))
+    small = np.flatnonzero((size[label] <= MAX_SMALL_SHELL_POINTS) & (label != largest))
     if len(small):
         # Search for one more neighbour than the largest small shell has points. So at least one neighbour is
         # on another shell.
         near, around = scipy.spatial.cKDTree(points).query(points[small], int(size[label[small]].max()) + 1)
         rows, place = np.arange(len(small)), (label[around] != label[small][:, None]).argmax(1)
         yield small, near[rows, place], around[rows, place]
-    for shell in np.flatnonzero(size > _MAX_SMALL_SHELL_POINTS):
+    for shell in np.flatnonzero(size > MAX_SMALL_SHELL_POINTS):
         if shell != largest:
             inside, outside = np.flatnonzero(label == shell), np.flatnonzero(label != shell)
             near, around = scipy.spatial.cKDTree(points[outside]).query(points[inside])

@@ -157,7 +157,7 @@ def solve_again(
     parts = list(shape.parts)
     for finished_count, (number, part, how) in enumerate(due):
         (bare, rest), take, poses = (
-            _extract_part_at_rest(shape, number),
+            extract_part_at_rest(shape, number),
             project.bodies[how.take],
             list[Pose](),
         )
@@ -186,7 +186,7 @@ def _find_possessed_parts(shape: GraphCharacter) -> list[tuple[int, GraphPart, P
     return [(n, part, part.possession) for n, part in parts if part.possession is not None]
 
 
-def _extract_part_at_rest(shape: GraphCharacter, number: int) -> tuple[Character, Float]:
+def extract_part_at_rest(shape: GraphCharacter, number: int) -> tuple[Character, Float]:
     """Returns a part of a shape in the state in which it was possessed: in the rest pose of its recording,
     without the other parts.
 
@@ -239,7 +239,7 @@ def _motion_checksum(project: Project, shape: GraphCharacter, number: int) -> st
     """Returns a checksum of all inputs of a part's motion."""
     part = shape.parts[number]
     assert part.possession is not None
-    (bare, _), digest = _extract_part_at_rest(shape, number), hashlib.blake2b(digest_size=16)
+    (bare, _), digest = extract_part_at_rest(shape, number), hashlib.blake2b(digest_size=16)
     for points in (bare.vertices, bare.pivots):
         digest.update(
             np.floor(points.astype(np.float64) / _GRID_SIZE_M + _GRID_OFFSET).astype(np.int64).tobytes()

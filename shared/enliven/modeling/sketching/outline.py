@@ -41,7 +41,7 @@ def trace_outline(stroke: Float, count: int, smooth: int = 2) -> Float:
             remedy="Draw a closed outline of the part.",
         )
     dense = _resample_polyline(points, 2 * count, closed=False)
-    crossings = _find_crossing_segments(dense, closed=False)
+    crossings = find_crossing_segments(dense, closed=False)
     if len(crossings):
         dense = _remove_ends(dense, crossings)
     even = _resample_polyline(_drop_repeated_points(dense, 1e-6 * extent), count, closed=True)
@@ -49,7 +49,7 @@ def trace_outline(stroke: Float, count: int, smooth: int = 2) -> Float:
     points = even
     for times in range(smooth, -1, -1):
         points = _smooth_points(even, times)
-        if len(_find_crossing_segments(points, closed=True)) == 0:
+        if len(find_crossing_segments(points, closed=True)) == 0:
             break
     else:
         raise InputError(
@@ -90,7 +90,7 @@ def _resample_polyline(points: Float, count: int, closed: bool) -> Float:
     return np.stack([np.interp(arc_lengths, along, path[:, k]) for k in range(2)], 1)
 
 
-def _find_crossing_segments(points: Float, closed: bool) -> Float:
+def find_crossing_segments(points: Float, closed: bool) -> Float:
     """Returns (K, 2) pairs of crossing segments, the earlier segment first. Each value is the number of the
     segment plus the position along it (0 to 1)."""
     ends = np.roll(points, -1, 0) if closed else points[1:]
@@ -102,7 +102,7 @@ def _find_crossing_segments(points: Float, closed: bool) -> Float:
 
 @njit(cache=True, nogil=True)
 def _crossing_kernel(starts, ends, closed):
-    """Finds the pairs for :func:`_find_crossing_segments` (kernel).
+    """Finds the pairs for :func:`find_crossing_segments` (kernel).
 
     Segments that share an end do not cross.
     """

@@ -66,10 +66,12 @@ def basis_from_views(
     view, up = _unit_vector(view, "view"), _unit_vector(up, "up")
     own_view = view if source_view is None else _unit_vector(source_view, "source view")
     own_up = up if source_up is None else _unit_vector(source_up, "source up")
-    source_basis, is_source_sure = _view_basis(
+    source_basis, is_source_sure = compute_view_basis(
         _unit_vector(source, "first bone of the source"), own_view, own_up
     )
-    target_basis, is_target_sure = _view_basis(_unit_vector(target, "first bone of the target"), view, up)
+    target_basis, is_target_sure = compute_view_basis(
+        _unit_vector(target, "first bone of the target"), view, up
+    )
     basis = multiply(target_basis, conjugate(source_basis))
     flipped = multiply(multiply(target_basis, HALF_TURN), conjugate(source_basis))
     if not (is_source_sure and is_target_sure) and abs(flipped[0]) > abs(basis[0]) + 1e-9:
@@ -92,8 +94,14 @@ def first_bone(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
     return UP
 
 
-def _view_basis(z: Float, view: Float, up: Float) -> tuple[Float, bool]:
-    """Returns the basis for unit vectors, and True if ``up`` determines the side of y."""
+def compute_view_basis(z: Float, view: Float, up: Float) -> tuple[Float, bool]:
+    """Returns the basis of a bone as a quaternion, and True if ``up`` determines the side of y.
+
+    Args:
+        z: (3,) unit vector along the bone.
+        view: (3,) unit vector along the view.
+        up: (3,) unit vector that points up.
+    """
     y = np.cross(z, view)
     is_sure = True
     if np.linalg.norm(y) < _END_ON_SINE:

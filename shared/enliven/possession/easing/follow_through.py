@@ -81,7 +81,7 @@ class FollowThrough:
         if self._places is not None and seconds > 0:
             pace = (positions - self._places) / seconds
             kick = 0.0 if self._pace is None else pace - self._pace
-            self._offset, self._speed = _oscillator_step(self._offset, self._speed - kick, seconds)
+            self._offset, self._speed = advance_oscillators(self._offset, self._speed - kick, seconds)
             self._pace = pace
         if self._places is None or seconds > 0:
             self._places, self._time_ns = np.array(positions), time_ns
@@ -92,7 +92,7 @@ class FollowThrough:
         )
 
 
-def _oscillator_step(offset: Float, speed: Float, seconds: float) -> tuple[Float, Float]:
+def advance_oscillators(offset: Float, speed: Float, seconds: float) -> tuple[Float, Float]:
     """Returns the exact offset (metres) and velocity (metres per second) of damped oscillators after
     ``seconds``.
     """

@@ -120,9 +120,9 @@ def fit_figures(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, flo
     samples = sample_uniform_points(mesh, 8000, np.random.default_rng(0))
     points = samples.positions
     # Precompute the proximity grids of the surface and of the figures' bones.
-    surface_field = _ProximityGrid(points, _BONE_DISTANCE_M * unit, _CELL_M * unit, samples.normals)
+    surface_field = ProximityGrid(points, _BONE_DISTANCE_M * unit, _CELL_M * unit, samples.normals)
     bone_fields = [
-        _ProximityGrid(_bone_points(figure), _SURFACE_DISTANCE_M * unit, _CELL_M * unit) for figure in figures
+        ProximityGrid(_bone_points(figure), _SURFACE_DISTANCE_M * unit, _CELL_M * unit) for figure in figures
     ]
     low, high = mesh.bounds
     # Try the positions of a grid over the floor area of the mesh.
@@ -170,7 +170,7 @@ def _bone_points(joints: Float) -> Float:
     return np.asarray((starts * (1 - along) + ends * along).reshape(-1, 3))
 
 
-class _ProximityGrid:
+class ProximityGrid:
     """A grid of nearness values exp(-(d / near)^2), in which d is the distance to the nearest of the given
     points.
 
@@ -211,7 +211,7 @@ class _ProximityGrid:
         return np.asarray(self._values.ravel()[cell_index])
 
 
-def _figure_scores(near: _ProximityGrid, joints: Float, shifts: Float) -> Float:
+def _figure_scores(near: ProximityGrid, joints: Float, shifts: Float) -> Float:
     """Returns the scores (S,) of a figure with joints (20, 3) that is moved by each of the shifts (S, 3),
     metres, over the floor.
     """
