@@ -104,7 +104,7 @@ def loss_of(network, album: Dataset) -> float:
     is_person, facing = batch.is_person, batch.facing.nan_to_num()
     hints = torch.stack([is_person * facing.cos(), is_person * facing.sin(), batch.cell], 1)
     with torch.no_grad():
-        return float(training._training_loss(network.train()(batch.image, hints), batch))
+        return float(training.training_loss(network.train()(batch.image, hints), batch))
 
 
 def test_a_few_steps_of_training_reduce_the_loss(album, few_kept_back):

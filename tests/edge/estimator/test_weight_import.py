@@ -68,8 +68,8 @@ def test_shipped_network_is_restored_and_trained_further(dataset, monkeypatch):
     losses = []
     monkeypatch.setattr(
         training,
-        "_training_loss",
-        lambda out, of, known=training._training_loss: losses.append(known(out, of)) or losses[-1],
+        "training_loss",
+        lambda out, of, known=training.training_loss: losses.append(known(out, of)) or losses[-1],
     )
     for start in (network, None):
         train(dataset, TrainingSettings(steps=1, batch=16), start=start)

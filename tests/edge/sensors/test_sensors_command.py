@@ -101,11 +101,11 @@ def test_view_of_one_sensor_is_described_and_drawn(capsys, tmp_path):
 
 
 def test_accelerometer_is_shown_next_to_the_floor():
-    from enliven_edge.commands.sensors import _describe_condition
+    from enliven_edge.commands.sensors import describe_condition
     from enliven_edge.sensors.base import Condition
 
     tilted = np.array([0.0, np.cos(0.3), np.sin(0.3)])
-    facts = dict(_describe_condition(Condition("USB 2", True, 61.0, 90.0, (0.0, 9.8, 0.0)), tilted))
+    facts = dict(describe_condition(Condition("USB 2", True, 61.0, 90.0, (0.0, 9.8, 0.0)), tilted))
     assert (
         facts["gravity"]
         == "sensor tilted down by 0 degrees, by its accelerometer; 17 degrees from the floor's normal"

@@ -39,7 +39,7 @@ def test_orbbec_knows_its_ways_of_keeping_time():
     needs("orbbec")
     from pyorbbecsdk import OBMultiDeviceSyncMode
 
-    assert all(hasattr(OBMultiDeviceSyncMode, word.upper()) for word in orbbec._SYNC_MODES)
+    assert all(hasattr(OBMultiDeviceSyncMode, word.upper()) for word in orbbec.SYNC_MODES)
 
 
 BENT = (17.7, 12.3, 0.68, 18.0, 16.9, 3.6, 0.0001, -0.0002)
