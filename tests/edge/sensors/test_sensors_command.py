@@ -80,7 +80,7 @@ def test_cameras_at_camera_ports_are_listed_whatever_libcamera_does(
 
 
 def test_only_raspberry_pi_gets_libcamera_advice(capsys, monkeypatch, tmp_path):
-    if libcamera_library._is_installed():
+    if libcamera_library.is_installed():
         pytest.skip("libcamera is installed")
     monkeypatch.setattr(libcamera_library, "_BOARD", tmp_path / "model")
     assert "libcamera is not" not in said(capsys)[1]
