@@ -24,7 +24,7 @@ def checks() -> list[Check]:
         ),
         _check_recording(),
         *_check_cameras(),
-        _list_crash_reports(),
+        list_crash_reports(),
         Check("camera preview", True, f"by default, {PRIVACY_NOTE}"),
     ]
 
@@ -36,7 +36,7 @@ def _check_recording() -> Check:
     return Check("shipped recording", path.is_file(), path.name if path.is_file() else "not found", remedy)
 
 
-def _list_crash_reports() -> Check:
+def list_crash_reports() -> Check:
     """Lists the stored crash reports. Stored reports are not a failed check."""
     reports = crash_reports.list_stored_reports()
     detail = "\n".join([f"{len(reports)} stored in {crash_reports.reports_folder()}", *map(str, reports)])

@@ -12,7 +12,8 @@ import pytest
 from patience import wait_until
 
 from enliven_edge.controls import serial_panel
-from enliven_edge.controls.control_set import Controls, open_controls
+from enliven_edge.controls.base import ControlReader
+from enliven_edge.controls.control_set import Controls, open_readers
 from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.controls.settings import ControlSettings
 
@@ -30,9 +31,8 @@ STEADY = Lamps(possess="steady", locked="steady")
 class Stand:
     """An edge's controls with one panel, and the words heard from it so far."""
 
-    def __init__(self, controls: Controls, panel: LivePanel) -> None:
-        self.controls, self.panel = controls, panel
-        (self._reader,) = controls._controls
+    def __init__(self, reader: ControlReader, panel: LivePanel) -> None:
+        self.controls, self.panel, self._reader = Controls([reader]), panel, reader
         self.heard: list[str] = []
         self.lamps: Lamps | None = Lamps()
         self._open = True
@@ -82,8 +82,9 @@ def stand(panel, caplog):
     settings = ControlSettings(
         "serial", MAP, port=str(panel.path), sends="panel", baud=38400, debounce=0.0, retry=0.02
     )
-    with open_controls({"panel": settings}) as controls:
-        opened = Stand(controls, panel)
+    (reader,) = open_readers({"panel": settings})
+    opened = Stand(reader, panel)
+    with opened.controls:
         wait_until(opened.is_there)
         yield opened
         opened.close()

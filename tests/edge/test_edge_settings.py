@@ -11,7 +11,7 @@ import typer
 from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven.space.space_file import load_space
-from enliven_edge.commands.edge import _load_edge_settings, edge
+from enliven_edge.commands.edge import edge, load_edge_settings
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
 from enliven_edge.settings import EdgeSettings, WireSettings
 from enliven_edge.sources import Source, SourceSettings, open_sources, parse_source, sources_from_settings
@@ -116,6 +116,6 @@ def test_the_earlier_option_and_key_open_still_mean_insecure() -> None:
 
 
 def test_an_option_of_the_network_keeps_the_other_values_and_warns_of_nothing(caplog) -> None:
-    wire = _load_edge_settings(None, port=6000, host="0.0.0.0").wire
+    wire = load_edge_settings(None, port=6000, host="0.0.0.0").wire
     assert wire == WireSettings(port=6000, control_port=6001, host="0.0.0.0")
     assert not caplog.messages

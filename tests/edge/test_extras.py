@@ -52,7 +52,7 @@ def test_an_edge_records_a_performance_without_any_extra(tmp_path):
 def test_a_missing_decoder_names_the_extra_and_the_file(monkeypatch, module):
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(ResourceError) as refused:
-        compression._load_decoder(module, "horse.glb")
+        compression.load_decoder(module, "horse.glb")
     message = str(refused.value)
     assert message.startswith(f"horse.glb: the file is compressed, but the library {module}")
     assert 'pip install "enliven[compressed]"' in message
@@ -62,7 +62,7 @@ def test_a_bag_packed_by_lz4_names_the_extra(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "lz4", None)
     header = {b"compression": b"lz4", b"size": b"\1\0\0\0"}
     with pytest.raises(ResourceError, match=r"take\.bag: .*lz4.*enliven-edge\[bags\]"):
-        ros1._decompress(header, b"", tmp_path / "take.bag")
+        ros1.decompress_chunk(header, b"", tmp_path / "take.bag")
 
 
 def test_every_extra_that_is_named_exists():

@@ -78,10 +78,10 @@ SCENE = """
 from enliven_edge.tracking.fit.gauss_newton import minimise
 from enliven_edge.tracking.scene.background_fill import fill_from_nearest
 from enliven_edge.tracking.scene.background_kernels import learn_frame
-from enliven_edge.tracking.scene.floor import _level_plane
+from enliven_edge.tracking.scene.floor import fit_level_plane
 from enliven_edge.warmup import compile_scene_kernels
 compile_scene_kernels()
-print([len(kernel.signatures) for kernel in (learn_frame, fill_from_nearest, _level_plane, minimise)])
+print([len(kernel.signatures) for kernel in (learn_frame, fill_from_nearest, fit_level_plane, minimise)])
 """
 
 

@@ -34,6 +34,7 @@ from enliven.errors import EnlivenError
 from enliven.keys.curve import CurveError, CurveServer
 from enliven.keys.key_files import KeyStore, PairedEdge, PairedViewer
 from enliven.keys.pairing import EdgePairing, Introduction, PairingError, ViewerPairing
+from enliven.person import body_from_human_pose
 from enliven.wire import convert, convert_characters, envelope, streams, topics
 from enliven.wire import requests as asks
 from enliven.wire.characters import CharacterMessage
@@ -43,7 +44,7 @@ from enliven.wire.posecode import PoseCodec
 from enliven.wire.zmtp import GREETING, ZmtpError, ZmtpSession, make_frame
 from enliven_edge.controls.panel_protocol import PanelKeys
 from enliven_edge.sensors.streams.osc_port import unpack_osc
-from enliven_edge.sensors.streams.rokoko_sensor import LZ4_START, RokokoSensor, unpack_rokoko
+from enliven_edge.sensors.streams.rokoko_sensor import LZ4_START, unpack_rokoko
 from enliven_edge.sensors.streams.tracker_sensor import TrackerSensor
 from enliven_edge.sensors.streams.vmc_sensor import VmcSensor
 from enliven_viewer.render.materials.paint import paint_keys, paint_surface
@@ -347,7 +348,7 @@ def _osc(data: bytes, folder: Path) -> None:
 def _sensors() -> tuple[VmcSensor, TrackerSensor]:
     sensors = VmcSensor(port=0), TrackerSensor(port=0)
     for sensor in sensors:
-        sensor._port.close()
+        sensor.close()
     return sensors
 
 
@@ -377,18 +378,9 @@ def _rokoko_tree(data: bytes, other: bytes, dice: Random) -> bytes:
 
 
 def _rokoko(data: bytes, folder: Path) -> None:
-    """Gives a packet to the sensor, as its UDP port does."""
-    sensor = _rokoko_sensor()
-    if sensor._store_motion(unpack_rokoko(data)):
-        for body in sensor._bodies():
-            assert np.isfinite(body.joints).all()
-
-
-@cache
-def _rokoko_sensor() -> RokokoSensor:
-    sensor = RokokoSensor(port=0)
-    sensor._port.close()
-    return sensor
+    """Computes the bodies of a packet, as the sensor does."""
+    for number, human in enumerate(unpack_rokoko(data), 1):
+        assert np.isfinite(body_from_human_pose(human, number).joints).all()
 
 
 _PANEL_SEEDS = (b"$enliven 1 P*8A1F\n$0001 0000*0000\n", b"$0002 1000*31C3\n$")

@@ -159,7 +159,7 @@ def edge(
     from enliven_edge.recording.settings import settings_with_options
     from enliven_edge.settings import characters_from_options
 
-    edge_settings = _load_edge_settings(
+    edge_settings = load_edge_settings(
         settings, name=name, host=host, port=port, control_port=control_port, insecure=insecure
     )
     access = open_access(edge_settings.wire)
@@ -213,7 +213,7 @@ def _limit_blas_threads() -> None:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
-def _load_edge_settings(path: Path | None, **overrides: str | int | bool | None) -> EdgeSettings:
+def load_edge_settings(path: Path | None, **overrides: str | int | bool | None) -> EdgeSettings:
     """Returns the settings of the file, overridden by the values of the command line."""
     from enliven_edge.settings import EdgeSettings, WireSettings
 

@@ -197,11 +197,16 @@ def _describe_sensor(
             )
         )
     if condition is not None:
-        facts += _describe_condition(condition, down)
+        facts += describe_condition(condition, down)
     return facts
 
 
-def _describe_condition(condition: Condition, down: Float | None) -> list[tuple[str, str]]:
+def describe_condition(condition: Condition, down: Float | None) -> list[tuple[str, str]]:
+    """Returns the names and texts of a sensor's known properties, such as its link and its tilt.
+
+    Args:
+        down: (3,) direction of gravity in the sensor's frame if it was found in the image.
+    """
     import numpy as np
 
     facts = []

@@ -211,15 +211,17 @@ def open_controls(
         ResourceError: if a required library is missing. A missing device is not an error: it is searched for
             until it appears.
     """
+    voices = [name for name, control in settings.items() if control.kind == "voice"]
+    return Controls(open_readers(settings, folder), voices, hides_talk=hides_talk)
+
+
+def open_readers(settings: Mapping[str, ControlSettings], folder: Path | None = None) -> list[ControlReader]:
+    """Starts to read the device of each control. Arguments and errors are those of :func:`open_controls`."""
     controls = [(name, control, create_device(name, control, folder)) for name, control in settings.items()]
-    return Controls(
-        [
-            ControlReader(name, device, commands_by_key(name, control), control.debounce, control.retry)
-            for name, control, device in controls
-        ],
-        [name for name, control in settings.items() if control.kind == "voice"],
-        hides_talk=hides_talk,
-    )
+    return [
+        ControlReader(name, device, commands_by_key(name, control), control.debounce, control.retry)
+        for name, control, device in controls
+    ]
 
 
 def commands_by_key(name: str, settings: ControlSettings) -> dict[str, Command]:

@@ -243,9 +243,9 @@ class StageKeeper(Closeable):
         )
         if fingerprint != self._fingerprint:
             self._fingerprint = fingerprint
-            self._writer.set_state(self._capture_state(edge), self._find_scanned_characters(edge))
+            self._writer.set_state(self.capture_state(edge), self._find_scanned_characters(edge))
 
-    def _capture_state(self, edge: KeptEdge) -> StageState:
+    def capture_state(self, edge: KeptEdge) -> StageState:
         """Returns the current state. The writer adds scanned characters."""
         orders = edge.uploads.orders
         characters = tuple(

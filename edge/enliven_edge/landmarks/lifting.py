@@ -20,7 +20,7 @@ _MIN_VISIBILITY = 0.5
 _MAX_DEPTH_DIFFERENCE_M = 0.22
 """Maximum difference between measured depth and a joint's expected depth. With a larger difference the depth
 belongs to another object."""
-_CONFIDENCE_WITHOUT_DEPTH = 0.35
+CONFIDENCE_WITHOUT_DEPTH = 0.35
 """Confidence of a joint that is visible only in the colour image."""
 
 _TRUNK = (0.11, 0.11, 0.10, 0.09)
@@ -145,7 +145,7 @@ class Lifter:
             np.abs(np.where(is_measured, depth, posture[:, 2]) - posture[:, 2]) / _MAX_DEPTH_DIFFERENCE_M
         )
         agreement = 1.0 - 0.5 * np.minimum(depth_deviation, 1.0)
-        confidence = np.where(is_measured, agreement, _CONFIDENCE_WITHOUT_DEPTH) * visibility
+        confidence = np.where(is_measured, agreement, CONFIDENCE_WITHOUT_DEPTH) * visibility
         confidence[~is_inside | (visibility < _MIN_VISIBILITY)] = 0.0
         return Body(person, _to_world(local, world_from_camera), confidence)
 
@@ -162,7 +162,7 @@ class Lifter:
         _, is_inside = self._pixel_ray_coordinates(joints_from_landmarks(landmarks.points), camera)
         visibility = joint_visibility(landmarks.visibility)
         confidence = np.where(
-            is_inside & (visibility >= _MIN_VISIBILITY), visibility * _CONFIDENCE_WITHOUT_DEPTH, 0.0
+            is_inside & (visibility >= _MIN_VISIBILITY), visibility * CONFIDENCE_WITHOUT_DEPTH, 0.0
         )
         return Body(person, _to_world(posture, world_from_camera), confidence)
 

@@ -61,7 +61,8 @@ class LandmarkSource(Closeable, Protocol):
         ...
 
 
-_HEADER = struct.Struct("<IIq")
+HEADER = struct.Struct("<IIq")
+"""Layout of the worker's input before each image: its height, its width and its time in milliseconds."""
 _PERSON_BYTES = len(NAMES) * 6 * 4
 """Bytes of one person in the worker's output: six float32 values for each landmark."""
 _MODEL = "pose_landmarker.task"
@@ -158,7 +159,7 @@ class MediaPipeSource(LandmarkSource):
         height, width = colour.shape[:2]
         self._newest_ms = max(self._newest_ms + 1, time_ns // 1_000_000)
         try:
-            self._in.write(_HEADER.pack(height, width, self._newest_ms))
+            self._in.write(HEADER.pack(height, width, self._newest_ms))
             self._in.write(np.ascontiguousarray(colour, np.uint8).tobytes())
             self._in.flush()
             count = struct.unpack("<I", self._read_exactly(4))[0]

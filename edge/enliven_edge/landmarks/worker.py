@@ -25,6 +25,7 @@ Finder = Callable[[np.ndarray, int], list[Any]]
 """Function that returns the people in an image, from (H, W, 3) uint8 sRGB and a time in milliseconds."""
 
 HEADER = struct.Struct("<IIq")
+"""Layout of the input before each image: its height, its width and its time in milliseconds."""
 
 
 def _create_legacy_finder() -> Finder:
@@ -62,7 +63,8 @@ def _create_tasks_finder(model: str) -> Finder:
     return find
 
 
-def _pack_people(people: list[Any], width: int, height: int) -> bytes:
+def pack_people(people: list[Any], width: int, height: int) -> bytes:
+    """Returns the output for the people in an image of this size: their number, then their landmarks."""
     rows = [
         [
             (
@@ -100,7 +102,7 @@ def main() -> None:
         if not data:
             return
         image = np.frombuffer(data, np.uint8).reshape(height, width, 3)
-        output.write(_pack_people(find(image, milliseconds), width, height))
+        output.write(pack_people(find(image, milliseconds), width, height))
         output.flush()
 
 

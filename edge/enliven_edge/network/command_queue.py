@@ -24,7 +24,7 @@ use it."""
 _MAX_RESERVED_ORDERS = 4
 """Maximum number of waiting orders of a viewer that uses the reserve. People send one order at a time, a
 flood sends many."""
-_MAX_DEBT_FRAMES = 15
+MAX_DEBT_FRAMES = 15
 """Maximum debt after a slow order, in frames: half a second. With a larger debt the edge would seem to ignore
 the next order."""
 _FRAME_S = 1 / 30
@@ -82,7 +82,7 @@ class CommandQueue:
             duration = time.perf_counter() - start
             peer.add_cost(duration)
             self._budgets[budget] = max(
-                self._budgets[budget] - duration, -_MAX_DEBT_FRAMES * self._shares[budget]
+                self._budgets[budget] - duration, -MAX_DEBT_FRAMES * self._shares[budget]
             )
             if not self._waiting[peer]:
                 del self._waiting[peer]

@@ -36,7 +36,7 @@ GOOD_FRAMES = 30
 """Number of good frames (one second) after which the back-off restarts at its first interval."""
 BAD_FRAMES = 30
 """Number of consecutive unusable frames after which the device is reopened."""
-_CALL_TIMEOUTS_S: dict[str, float] = {"read": 10.0, "open": 60.0, "close": 10.0}
+CALL_TIMEOUTS_S: dict[str, float] = {"read": 10.0, "open": 60.0, "close": 10.0}
 """Seconds after which a driver's call counts as hanging and is abandoned. Opening may load firmware."""
 _READ_TIMEOUT_S = 0.25
 """Maximum seconds that one call waits for a frame. The device can be closed between two calls."""
@@ -246,7 +246,7 @@ class ReopeningSensor(Sensor):
         Raises:
             SensorFault: if a call was abandoned.
         """
-        limit = _CALL_TIMEOUTS_S[self._doing]
+        limit = CALL_TIMEOUTS_S[self._doing]
         self._left = [errands for errands in self._left if errands.is_alive]
         if self._errands.waiting_seconds < limit or len(self._left) >= _MAX_HANGING_THREADS:
             return

@@ -16,10 +16,10 @@ from enliven_edge.stage.stage import Stage
 _HANDS = (Joint.HAND_LEFT, Joint.HAND_RIGHT)
 _MIN_CONFIDENCE = 0.3
 """Minimum confidence of both hands. Below it, the last distance between the hands is used."""
-_DISTANCE_OFFSET_M = 0.15
+DISTANCE_OFFSET_M = 0.15
 """Metres added to the distance between the hands. Without it, hands that start close together would cause a
 huge scale."""
-_DEAD_BAND = float(np.log(1.06))
+DEAD_BAND = float(np.log(1.06))
 """Dead band of the logarithm of the distance. The size follows only changes above 6 %, because hands never
 keep still."""
 _SMOOTHING_S = 0.12
@@ -162,11 +162,11 @@ def _update_target(gesture: _Gesture, body: Body, time_ns: int) -> None:
     are_visible = all(body.confidence[hand] >= _MIN_CONFIDENCE for hand in _HANDS)
     if not (are_visible and np.isfinite(left).all() and np.isfinite(right).all()):
         return
-    log_distance = float(np.log(np.linalg.norm(left - right) + _DISTANCE_OFFSET_M))
+    log_distance = float(np.log(np.linalg.norm(left - right) + DISTANCE_OFFSET_M))
     if gesture.away is None:
         gesture.away = log_distance
     target, previous_log = log_distance - gesture.away, gesture.target_log
-    gesture.target_log = float(np.clip(previous_log, target - _DEAD_BAND, target + _DEAD_BAND))
+    gesture.target_log = float(np.clip(previous_log, target - DEAD_BAND, target + DEAD_BAND))
     if gesture.target_log != previous_log:
         gesture.still_ns = time_ns
 

@@ -20,9 +20,9 @@ from enliven.scanning.kernel_arguments import (
 )
 from enliven.scanning.settings import VolumeSettings
 
-_TRUNCATION_VOXELS = 4.0
+TRUNCATION_VOXELS = 4.0
 """Truncation distance of the TSDF in front of a surface. Noisy depth needs a larger distance."""
-_TRUNCATION_BEHIND_VOXELS = 3.0
+TRUNCATION_BEHIND_VOXELS = 3.0
 """Truncation distance of the TSDF behind a surface. It should be smaller than the thickness of thin parts."""
 
 _BLOCKS_PER_PIECE = 64
@@ -61,7 +61,7 @@ class TsdfVolume:
         self, settings: VolumeSettings, voxel: float | None = None, reach: float | None = None
     ) -> None:
         size = voxel or settings.voxel
-        self.band = DistanceBand(size, _TRUNCATION_VOXELS * size, _TRUNCATION_BEHIND_VOXELS * size)
+        self.band = DistanceBand(size, TRUNCATION_VOXELS * size, TRUNCATION_BEHIND_VOXELS * size)
         self.settings, self.reach = settings, reach or settings.reach
         noise = settings.noise
         self._limits = np.array(

@@ -69,7 +69,7 @@ class DepthNoise:
         self._pitch = np.array([1.0 / intrinsics.fx, 1.0 / intrinsics.fy])
         self._frozen = (n.frozen, n.frozen, _FROZEN_PATCHES)
         self._still = [
-            math.sqrt(self._frozen[stream]) * self._noise_field(_FROZEN_FRAME, stream, self._windows[stream])
+            math.sqrt(self._frozen[stream]) * self.noise_field(_FROZEN_FRAME, stream, self._windows[stream])
             for stream in range(3)
         ]
 
@@ -86,7 +86,10 @@ class DepthNoise:
             self._make_partly_frozen_noise(index, 1),
             self._make_partly_frozen_noise(index, 2),
         )
-        across, down = self._noise_field(index, 3, self._blob), self._noise_field(index, 4, self._blob)
+        across, down = (
+            self.noise_field(index, 3, self._blob),
+            self.noise_field(index, 4, self._blob),
+        )
         shadow, zone = np.zeros(self._shape, np.bool_), np.zeros(self._shape, np.bool_)
         depth = np.minimum(depth, _NO_HIT_DEPTH_M)
         slant = np.empty(self._shape)
@@ -98,7 +101,7 @@ class DepthNoise:
         sampled_depth = np.empty(self._shape)
         sample_surfaces(
             depth, material, shadow, zone, across, down, self._lateral, self._reach, blobs, patches,
-            self._random_bytes(index, 5, self._shape), self._losses, self._flying, self._limits[1],
+            self.random_bytes(index, 5, self._shape), self._losses, self._flying, self._limits[1],
             sampled_depth, slant,
         )  # fmt: skip
         out = np.empty(self._shape, np.uint16)
@@ -110,17 +113,17 @@ class DepthNoise:
         frames.
         """
         frozen = self._frozen[stream]
-        return self._still[stream] + math.sqrt(1.0 - frozen) * self._noise_field(
+        return self._still[stream] + math.sqrt(1.0 - frozen) * self.noise_field(
             index, stream, self._windows[stream]
         )
 
-    def _random_bytes(self, index: int, stream: int, shape: tuple[int, int]) -> UInt8:
+    def random_bytes(self, index: int, stream: int, shape: tuple[int, int]) -> UInt8:
         """Returns random bytes of one frame. ``stream`` identifies their purpose."""
         count = shape[0] * shape[1]
         bits = np.random.PCG64([self._seed, index + 1, stream]).random_raw(-(-count // 8))
         return bits.astype("<u8").view(np.uint8)[:count].reshape(shape)
 
-    def _noise_field(self, index: int, stream: int, window: int) -> Float:
+    def noise_field(self, index: int, stream: int, window: int) -> Float:
         """Returns (H, W) nearly Gaussian noise of unit variance, correlated over about ``window`` pixels.
 
         Random bytes pass two integer box filters. For a window of one pixel, four bytes are summed instead.
@@ -128,10 +131,10 @@ class DepthNoise:
         height, width = self._shape
         box = max(1, round(0.7 * window))
         if box == 1:
-            raw = self._random_bytes(index, stream, (4 * height, width)).astype(np.int64)
+            raw = self.random_bytes(index, stream, (4 * height, width)).astype(np.int64)
             summed = raw[0::4] + raw[1::4] + raw[2::4] + raw[3::4]
             return np.asarray((summed - 510.0) / (2.0 * _BYTE_DEVIATION), np.float64)
-        raw = self._random_bytes(index, stream, (height + 2 * box - 2, width + 2 * box - 2)).astype(np.int32)
+        raw = self.random_bytes(index, stream, (height + 2 * box - 2, width + 2 * box - 2)).astype(np.int32)
         once = np.empty((height + box - 1, width + box - 1), np.int32)
         twice = np.empty((height, width), np.int32)
         _box_sums(raw, box, once)

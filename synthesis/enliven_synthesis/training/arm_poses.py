@@ -66,7 +66,7 @@ def random_arms(performer: Performer, rotations: Float, rng: Generator, hold: st
     for side, name in enumerate((left, right)):
         for _ in range(_MAX_TRIES):
             _turn_arm(performer, rotations, rng, name, side)
-            if not _is_inside_trunk(performer, rotations, side):
+            if not is_inside_trunk(performer, rotations, side):
                 break
         else:
             _turn_arm(performer, rotations, rng, "out", side)
@@ -77,7 +77,7 @@ def _hold_close(performer: Performer, rotations: Float, rng: Generator, hold: st
     for n in range(_MAX_TRIES):
         for side, wrist in enumerate(draw_close_wrists(performer, rng, hold, n * _OUTWARD_STEP_M)):
             _place_arm(rotations, rng, *reach_close(performer, rotations, wrist, side), side)
-        inside = [_is_inside_trunk(performer, rotations, side) for side in (0, 1)]
+        inside = [is_inside_trunk(performer, rotations, side) for side in (0, 1)]
         if not any(inside):
             return
     for side in np.flatnonzero(inside):
@@ -138,7 +138,7 @@ def _arm_towards(
     return solve_arm(performer, chest, wrist_target, out, side)
 
 
-def _is_inside_trunk(performer: Performer, rotations: Float, side: int) -> bool:
+def is_inside_trunk(performer: Performer, rotations: Float, side: int) -> bool:
     """Returns True if the forearm or the hand is inside the trunk or the head."""
     s = performer.scale
     chest = rotations[Limb.CHEST]

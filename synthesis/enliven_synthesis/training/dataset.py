@@ -22,9 +22,9 @@ SHARD_SAMPLES = 2000
 number of processes."""
 _RANDOM_STREAM = 77
 """Number in the seeds of the samples' random generators. It makes them differ from other generators."""
-_COMPLETION_FILE = "complete.txt"
+COMPLETION_FILE = "complete.txt"
 """Name of the file that is written last. Without it the data set is incomplete and is not used."""
-_ARRAYS = {
+ARRAYS = {
     "image": (np.float16, (CHANNELS, ROWS, COLUMNS)),
     "parts": (np.uint8, (LABEL_ROWS, LABEL_COLUMNS)),
     "joints": (np.float32, (20, 3)),
@@ -73,14 +73,14 @@ class Dataset:
         Raises:
             InputError: if the data set is missing, its rendering was interrupted, or it is damaged.
         """
-        if not (folder / _COMPLETION_FILE).exists():
+        if not (folder / COMPLETION_FILE).exists():
             raise InputError(
                 "the data set was not rendered completely",
                 where=str(folder),
                 remedy="Remove the folder to render the data set again, or choose another folder.",
             )
         try:
-            self.arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="c") for name in _ARRAYS}
+            self.arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="c") for name in ARRAYS}
         except (OSError, ValueError, EOFError, OverflowError) as error:
             problem, remedy = (
                 f"an array of the data set is damaged ({error})",
@@ -108,7 +108,7 @@ def render_dataset(
         rendered: called after each shard with the number of its samples.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    for name, (kind, shape) in _ARRAYS.items():
+    for name, (kind, shape) in ARRAYS.items():
         np.lib.format.open_memmap(folder / f"{name}.npy", "w+", kind, (count, *shape))
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         firsts = range(0, count, SHARD_SAMPLES)
@@ -120,7 +120,7 @@ def render_dataset(
             finished, left = wait(left, return_when=FIRST_COMPLETED)
             for shard in finished:
                 rendered(shard.result())
-    (folder / _COMPLETION_FILE).write_text(
+    (folder / COMPLETION_FILE).write_text(
         f"{count} samples, seed {seed}, {frontal} of the people face the sensor\n"
     )
     return Dataset(folder)
@@ -128,7 +128,7 @@ def render_dataset(
 
 def _render_shard(folder: Path, first: int, last: int, frontal: float, seed: int) -> int:
     """Renders the samples from ``first`` up to, but not including, ``last``. Returns their number."""
-    arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r+") for name in _ARRAYS}
+    arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r+") for name in ARRAYS}
     renderer, rng = PersonRenderer(), np.random.default_rng([seed, _RANDOM_STREAM, first])
     for n in range(first, last):
         sample = training_sample(renderer, rng, frontal)

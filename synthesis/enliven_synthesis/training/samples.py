@@ -42,7 +42,7 @@ _LOSABLE_PARTS = (
 """Body parts that a tracker may lose: the head, and parts of the left side.
 
 The parts of the left side represent both sides."""
-_CLUTTER_FRACTION = 0.12
+CLUTTER_FRACTION = 0.12
 """Fraction of samples without a person: one in eight."""
 _LOST_LIMB_FRACTION = 0.1
 """Fraction of samples in which a limb is lost."""
@@ -88,7 +88,7 @@ class TrainingSample:
 
 def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) -> TrainingSample:
     """Renders a random sample; ``frontal`` is the fraction of people who face the sensor."""
-    clutter = rng.random() < _CLUTTER_FRACTION
+    clutter = rng.random() < CLUTTER_FRACTION
     is_wall_rest = clutter and rng.random() < _WALL_REST_FRACTION
     if is_wall_rest or not clutter:
         rendered = renderer.render_person(rng, frontal=frontal)
@@ -97,7 +97,7 @@ def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) ->
     mask = rendered.z > 0
     z = np.where(mask, rendered.z, rendered.around)
     if is_wall_rest:
-        z, mask = _add_wall_alone(z, mask, rng)
+        z, mask = add_wall_alone(z, mask, rng)
     elif not clutter and rng.random() < _LOST_LIMB_FRACTION:
         mask &= ~_draw_lost_limb(rendered, rng)
     if mask.sum() < (_MIN_WALL_PIXELS if is_wall_rest else 1):
@@ -105,7 +105,7 @@ def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) ->
     if rng.random() < _FOREIGN_PIECE_FRACTION:
         z, mask = _add_foreign_piece(z, mask, rng)
     if not is_wall_rest and rng.random() < _WALL_PIECE_FRACTION:
-        z, mask = _add_wall(z, mask, rng)
+        z, mask = add_wall(z, mask, rng)
     if rng.random() < _SHREDDED_FRACTION:
         shreds = _draw_discs(mask, rng)
         z, mask = np.where(shreds, z, 0.0).astype(np.float32), mask & shreds
@@ -167,7 +167,7 @@ def _add_foreign_piece(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32,
     return out, new_mask
 
 
-def _add_wall(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
+def add_wall(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
     """Adds the wall next to the person to the depth and to the person's mask, both (h, w)."""
     rows, columns = np.nonzero(mask)
     i = int(rng.integers(len(rows)))
@@ -184,11 +184,11 @@ def _add_wall(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
     return out, mask | piece
 
 
-def _add_wall_alone(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
+def add_wall_alone(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
     """Adds the wall next to the person to the (h, w) depth. Returns the depth with a mask of the wall
     alone.
     """
-    out, new_mask = _add_wall(z, mask, rng)
+    out, new_mask = add_wall(z, mask, rng)
     piece = new_mask & ~mask
     if piece.any() and rng.random() < _STRAIGHT_EDGE_FRACTION:
         v, u = np.indices(mask.shape)

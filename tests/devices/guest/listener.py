@@ -10,7 +10,7 @@ import threading
 import time
 from pathlib import Path
 
-from enliven_edge.controls.control_set import open_controls
+from enliven_edge.controls.control_set import Controls, open_readers
 from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.controls.settings import ControlSettings
 
@@ -25,7 +25,8 @@ def main() -> None:
     wanted = Path(sys.argv[1])
     settings = {name: ControlSettings(**given) for name, given in json.loads(wanted.read_text()).items()}
     missing = set(settings)
-    with open_controls(settings) as controls:
+    readers = open_readers(settings)
+    with Controls(readers) as controls:
         say("listens", os.getuid())
         looked = 0.0
         while wanted.exists():
@@ -34,7 +35,7 @@ def main() -> None:
                 say("gone" if name in now else "there", name)
             missing = now
             controls.show(Lamps(possess="steady"))
-            for control in controls._controls:
+            for control in readers:
                 for word in control.poll():
                     say("word", control.name, word)
             if time.monotonic() > looked + 0.5:

@@ -225,10 +225,10 @@ def test_lock_command_locks_the_tracker(outlet):
     edge = Edge(People(), Tracker(), Stage([]), outlet, controls=Controls([say]))
     say.words = ["lock"]
     edge.poll_requests()
-    assert edge.tracker._people.track_manager.lock.ids is not None
+    assert edge.tracker.is_locked
     say.words = ["unlock"]
     edge.poll_requests()
-    assert edge.tracker._people.track_manager.lock.ids is None
+    assert not edge.tracker.is_locked
 
 
 def test_lamps_show_the_stage_and_its_health(outlet):

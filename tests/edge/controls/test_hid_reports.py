@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import logging
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from enliven_edge.controls.base import ControlReader
-from enliven_edge.controls.control_set import open_controls
+from enliven_edge.controls.control_set import Controls, open_readers
 from enliven_edge.controls.hid_pedal import ButtonEdges, buttons_down, keys_down
 from enliven_edge.controls.settings import ControlSettings
 
@@ -83,14 +83,18 @@ def test_too_many_keys_at_once_change_nothing():
     assert edges.feed(boot(["a"])) == ["a"]
 
 
+def is_read(name: str) -> bool:
+    """Returns True if a thread reads the control with this name."""
+    return any(thread.name == f"control {name}" for thread in threading.enumerate())
+
+
 def test_missing_device_is_searched_while_the_edge_continues(caplog):
     pytest.importorskip("hid", reason="hidapi is not installed (the extra 'controls')")
     caplog.set_level(logging.INFO)
     settings = ControlSettings("hid", {"page down": "next"}, vendor=0xF055, product=0x0001, retry=0.01)
-    with open_controls({"clicker": settings}) as controls:
-        (reader,) = controls._controls
-        assert isinstance(reader, ControlReader)
+    (reader,) = open_readers({"clicker": settings})
+    with Controls([reader]):
         wait_until(lambda: "no HID device f055:0001" in caplog.text)
-        assert reader.poll() == [] and reader._thread.is_alive()
-    assert not reader._thread.is_alive()
+        assert reader.poll() == [] and is_read("clicker")
+    assert not is_read("clicker")
     assert caplog.text.count("is not available") == 1

@@ -4,6 +4,7 @@ counters.
 
 from __future__ import annotations
 
+import tracemalloc
 from itertools import accumulate
 
 import pytest
@@ -37,11 +38,21 @@ def test_message_bytes_match_the_protocol():
 
 @given(st.binary(max_size=300))
 @example(b"$" + 300 * b"x")
-def test_any_bytes_are_read_and_hold_no_more_than_a_line(noise):
+def test_any_bytes_are_read(noise):
     decoder, keys = Decoder(), PanelKeys()
     decoder.feed(noise * 3)
     keys.feed(noise)
-    assert decoder._line is None or len(decoder._line) <= 64
+
+
+def test_a_message_that_does_not_end_takes_no_room():
+    decoder, piece = Decoder(), b"x" * 100
+    assert decoder.feed(encode("x" * 59)) == ["x" * 59] and decoder.feed(encode("x" * 60)) == []
+    tracemalloc.start()
+    try:
+        assert decoder.feed(b"$") == [] and all(decoder.feed(piece) == [] for _ in range(1000))
+        assert tracemalloc.get_traced_memory()[1] < 10_000
+    finally:
+        tracemalloc.stop()
 
 
 def test_zero_bytes_in_front_of_a_body_are_refused():

@@ -4,6 +4,7 @@ phrases.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import io
 import logging
@@ -21,7 +22,7 @@ from scipy.signal import resample_poly
 from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven.wire import HeardMessage, VoiceMessage
-from enliven_edge.controls.control_set import open_controls
+from enliven_edge.controls.control_set import open_controls, open_readers
 from enliven_edge.controls.other_speech import OtherSpeech
 from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.controls.voice import RATE, Recogniser, SoundRecording
@@ -184,8 +185,8 @@ def test_recording_replaces_the_microphone(tmp_path, caplog):
     caplog.set_level(logging.INFO)
     written(tmp_path / "say.wav", said("puppet follow my pose"))
     settings = ControlSettings("voice", dict(SETTINGS.map), wav="say.wav")
-    with open_controls({"voice": settings}, tmp_path) as controls:
-        (reader,) = controls._controls
+    (reader,) = open_readers({"voice": settings}, tmp_path)
+    with contextlib.closing(reader):
         wait_until(lambda: "has ended" in caplog.text)
         assert reader.poll() == ["follow"]
 
@@ -219,8 +220,8 @@ def test_missing_microphone_is_searched_while_the_edge_continues(caplog):
         pytest.skip(f"no sounddevice or PortAudio: {error}")
     caplog.set_level(logging.DEBUG)
     settings = ControlSettings("voice", dict(SETTINGS.map), microphone="nobody's microphone", retry=0.01)
-    with open_controls({"voice": settings}) as controls:
-        (reader,) = controls._controls
+    (reader,) = open_readers({"voice": settings})
+    with contextlib.closing(reader):
         wait_until(
             lambda: caplog.text.count("Traceback") >= 3
         )  # three tries, each with a restarted PortAudio

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from people_for_estimator import fresh, scene
 
 from enliven_edge.tracking.estimator.crop import (
-    _CROP_MARGIN,
-    _MAX_CELL_M,
-    _MIN_CELL_M,
     CHANNELS,
     COLUMNS,
+    CROP_MARGIN,
+    MAX_CELL_M,
+    MIN_CELL_M,
     ROWS,
     Crop,
     crop_person,
@@ -70,8 +70,8 @@ def test_the_middle_is_that_of_the_person_without_their_outliers(seed):
     low, high = ordered[first], ordered[len(v) - 1 - first]
     np.testing.assert_allclose(crop.centre, (low + high) / 2, atol=1e-12)
     assert crop.depth == np.sort(z[mask])[len(v) // 2]
-    needed = _CROP_MARGIN * crop.depth * max((high - low) / (COLUMNS, ROWS))
-    assert crop.cell == pytest.approx(min(_MAX_CELL_M, max(_MIN_CELL_M, needed)))
+    needed = CROP_MARGIN * crop.depth * max((high - low) / (COLUMNS, ROWS))
+    assert crop.cell == pytest.approx(min(MAX_CELL_M, max(MIN_CELL_M, needed)))
 
 
 @given(SEEDS, st.floats(-3.0, 3.0))
@@ -79,7 +79,7 @@ def test_the_middle_is_that_of_the_person_without_their_outliers(seed):
 def test_a_cell_is_never_too_small_nor_too_large(seed, larger):
     z, mask, camera, pose = scene(seed)
     crop = crop_person(z, mask, camera, pose, np.array([0.0, 0.0, 0.0, larger]))
-    assert _MIN_CELL_M <= crop.cell <= _MAX_CELL_M
+    assert MIN_CELL_M <= crop.cell <= MAX_CELL_M
 
 
 @given(SEEDS)
@@ -161,7 +161,7 @@ def test_people_fill_their_crops_and_fit_in():
         cells = np.abs(crop.cells(rays))
         assert np.mean((cells[:, 0] < COLUMNS / 2) & (cells[:, 1] < ROWS / 2)) > 0.9, number
         spans = np.ptp(crop.cells(rays), axis=0) / (COLUMNS, ROWS)
-        assert spans.max() > 0.6 or crop.cell == _MIN_CELL_M, number
+        assert spans.max() > 0.6 or crop.cell == MIN_CELL_M, number
 
 
 def test_an_image_is_not_touched():

@@ -14,7 +14,7 @@ from scipy.special import log_softmax, softmax
 
 from enliven.kernels import njit
 from enliven_edge.tracking.estimator.crop import COLUMNS, ROWS, crop_person
-from enliven_edge.tracking.estimator.estimator import JOINT_TRUST, Estimate, _decode
+from enliven_edge.tracking.estimator.estimator import JOINT_TRUST, Estimate, decode_output
 from enliven_edge.tracking.estimator.labels import PARTS
 from enliven_edge.tracking.estimator.part_map import exponential
 from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS
@@ -115,7 +115,7 @@ def test_network_output_is_decoded_as_in_training(seed):
     here, spread = dice.normal(size=(20, 3)), dice.normal(-3, 2, 20).astype(np.float32)
     facing, pose = dice.normal(0, 4, 9).astype(np.float32), np.eye(4)
     pose[:3, :3], pose[:3, 3] = np.linalg.qr(dice.normal(size=(3, 3)))[0], dice.normal(size=3)
-    world, off, ways, somebody = _decode(here, spread, facing, pose)
+    world, off, ways, somebody = decode_output(here, spread, facing, pose)
     np.testing.assert_allclose(world, here @ pose[:3, :3].T + pose[:3, 3], atol=1e-12)
     np.testing.assert_allclose(off, np.minimum(1.0, 3.0 * np.exp(spread.astype(float))), rtol=1e-12)
     np.testing.assert_allclose(ways, log_softmax(facing[:8].astype(float)), atol=1e-12)

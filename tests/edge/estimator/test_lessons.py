@@ -147,9 +147,9 @@ def test_a_batch_is_in_rising_order(folder):
 
 
 def test_inconsistent_album_arrays_are_refused(tmp_path):
-    (tmp_path / dataset._COMPLETION_FILE).write_text("2 lessons")
+    (tmp_path / dataset.COMPLETION_FILE).write_text("2 lessons")
     head = "{'descr': '<f4', 'fortran_order': False, 'shape': (1000000000,), }".ljust(117) + "\n"
-    for name in dataset._ARRAYS:
+    for name in dataset.ARRAYS:
         (tmp_path / f"{name}.npy").write_bytes(b"\x93NUMPY\x01\x00\x76\x00" + head.encode())
     with pytest.raises(InputError, match="an array of the data set is damaged"):
         Dataset(tmp_path)
@@ -163,7 +163,7 @@ def test_included_wall_is_next_to_the_person_and_keeps_their_depth():
         mask = rendered.z > 0
         if not mask.any():
             continue
-        z, included = samples._add_wall(rendered.z, mask, dice)
+        z, included = samples.add_wall(rendered.z, mask, dice)
         wall = included & ~mask
         assert (included | ~mask).all()
         np.testing.assert_array_equal(z[~wall], rendered.z[~wall])
@@ -177,10 +177,10 @@ def test_wall_left_next_to_a_person_is_labelled_nobody(monkeypatch):
     rendered = studio.render_person(dice, frontal=0.5)
     mask = rendered.z > 0
     for _ in range(20):
-        z, leftover = samples._add_wall_alone(rendered.z, mask, dice)
+        z, leftover = samples.add_wall_alone(rendered.z, mask, dice)
         assert not (leftover & mask).any()
         np.testing.assert_array_equal(z[mask], rendered.z[mask])
-    monkeypatch.setattr(samples, "_CLUTTER_FRACTION", 1.0)
+    monkeypatch.setattr(samples, "CLUTTER_FRACTION", 1.0)
     monkeypatch.setattr(samples, "_WALL_REST_FRACTION", 1.0)
     for _ in range(5):
         lesson = training_sample(studio, dice, 0.5)

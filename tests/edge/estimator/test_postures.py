@@ -8,7 +8,7 @@ import pytest
 from enliven.person import Limb
 from enliven.person.joints import Joint
 from enliven_synthesis.body.performer import Figure, Performer
-from enliven_synthesis.training.arm_poses import HOLDS, _is_inside_trunk
+from enliven_synthesis.training.arm_poses import HOLDS, is_inside_trunk
 from enliven_synthesis.training.body_poses import FAMILIES, random_figure
 from enliven_synthesis.training.close_arms import CLOSE_HOLDS
 from enliven_synthesis.training.rendering import random_build
@@ -74,7 +74,7 @@ def test_lowest_joint_of_random_figures_is_at_the_floor(family):
 def test_no_arm_is_inside_the_trunk_or_the_head(hold):
     for performer, figure in performers("stand", 8, hold):
         rotations = figure.frames[:, :, :3]
-        assert not any(_is_inside_trunk(performer, rotations, side) for side in (0, 1))
+        assert not any(is_inside_trunk(performer, rotations, side) for side in (0, 1))
 
 
 @pytest.mark.parametrize("hold", CLOSE_HOLDS)

@@ -16,7 +16,7 @@ from people_for_estimator import turned_at_random
 from enliven_edge.tracking.estimator.labels import NOBODY
 from enliven_synthesis.training.clutter import ClutterSolid, random_clutter, random_wall_piece
 from enliven_synthesis.training.rendering import PersonRenderer
-from enliven_synthesis.training.samples import _CLUTTER_FRACTION, training_sample
+from enliven_synthesis.training.samples import CLUTTER_FRACTION, training_sample
 
 STEPS, FARTHEST = 1500, 6.0
 """Number of samples along a ray, and their maximum distance in metres."""
@@ -155,4 +155,4 @@ def test_person_lessons_have_joint_labels(lessons):
 
 def test_fraction_of_clutter_lessons_is_as_configured(lessons):
     share = np.mean([np.isnan(lesson.facing) for lesson in lessons])
-    assert 0.4 * _CLUTTER_FRACTION < share < 1.8 * _CLUTTER_FRACTION
+    assert 0.4 * CLUTTER_FRACTION < share < 1.8 * CLUTTER_FRACTION

@@ -11,7 +11,7 @@ import torch
 
 from enliven.errors import InputError
 from enliven_edge.assets import ESTIMATOR
-from enliven_edge.tracking.estimator.estimator import PoseEstimator
+from enliven_edge.onnx_runtime import load_onnxruntime
 from enliven_synthesis.training.dataset import Dataset, render_dataset
 from enliven_synthesis.training.pose_network import training
 from enliven_synthesis.training.pose_network.network import PoseNetwork
@@ -33,7 +33,7 @@ def outputs(network, batch) -> list[np.ndarray]:
     """Returns joints, spread, facing and parts of a batch, by a network or by an exported file."""
     hints = np.stack([np.zeros_like(batch.cell), np.zeros_like(batch.cell), batch.cell], 1)
     if not isinstance(network, PoseNetwork):
-        return PoseEstimator(network)._session.run(None, {"image": batch.image, "told": hints})
+        return load_onnxruntime().InferenceSession(network).run(None, {"image": batch.image, "told": hints})
     with torch.no_grad():
         predicted = network.eval()(torch.from_numpy(batch.image), torch.from_numpy(hints))
     return [each.numpy() for each in predicted]
@@ -68,8 +68,8 @@ def test_shipped_network_is_restored_and_trained_further(dataset, monkeypatch):
     losses = []
     monkeypatch.setattr(
         training,
-        "_training_loss",
-        lambda out, of, known=training._training_loss: losses.append(known(out, of)) or losses[-1],
+        "training_loss",
+        lambda out, of, known=training.training_loss: losses.append(known(out, of)) or losses[-1],
     )
     for start in (network, None):
         train(dataset, TrainingSettings(steps=1, batch=16), start=start)

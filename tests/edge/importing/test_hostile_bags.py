@@ -16,10 +16,10 @@ from enliven_edge.sensors.drivers import playback
 
 def chunk(how: bytes, size: int, packed: bytes) -> bytes:
     fields = {"compression": how, "size": struct.pack("<I", size)}
-    return ros1.MAGIC + playback._record(playback._OP_CHUNK, fields, packed)
+    return ros1.MAGIC + playback.make_record(playback.OP_CHUNK, fields, packed)
 
 
-LISTED = playback._connection(0, *playback._TOPICS["image"])
+LISTED = playback.make_connection(0, *playback.TOPICS["image"])
 BOMB = lz4.frame.compress(bytes(1 << 26))
 
 

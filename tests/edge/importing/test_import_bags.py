@@ -180,7 +180,7 @@ def test_images_that_only_the_library_understands_are_refused(
     """Disparities are refused if the camera does not state that it computes depth from them. A Femto has
     none.
     """
-    monkeypatch.setattr(playback, "_CAMERA", (0x2BC5, product, name))
+    monkeypatch.setattr(playback, "CLAIMED_CAMERA", (0x2BC5, product, name))
     about = {0: struct.pack("<d", 2.0)} | ({} if made is None else {85: struct.pack("<i", made)})
     if known:
         assert with_properties(tmp_path, orbbec, monkeypatch, about)
@@ -193,15 +193,17 @@ def test_images_that_only_the_library_understands_are_refused(
 
 def with_properties(folder, orbbec, monkeypatch, about):
     """Returns the frames of a recording with changed camera properties."""
-    write_bag = playback._Bag.write
+    write_bag = playback.PlaybackBag.write
 
     def write(bag, messages):
         others = [each for each in messages if each[0] != "property"]
         if len(others) < len(messages):
-            others += [("property", 1_000_000, playback._property_message(*each)) for each in about.items()]
+            others += [
+                ("property", 1_000_000, playback.make_property_message(*each)) for each in about.items()
+            ]
         write_bag(bag, others)
 
-    monkeypatch.setattr(playback._Bag, "write", write)
+    monkeypatch.setattr(playback.PlaybackBag, "write", write)
     write_playback(str(orbbec.with_suffix(".mcap")), folder / "other.bag")
     return read(folder / "other.bag")[1]
 

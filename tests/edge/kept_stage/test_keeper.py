@@ -64,7 +64,7 @@ class Parts:
             return
 
     def capture(self) -> StageState:
-        return self.keeper._capture_state(self)
+        return self.keeper.capture_state(self)
 
 
 def start(folder: Path) -> Parts:

@@ -69,7 +69,7 @@ def test_holes_leave_the_posture_and_little_confidence(landmarks_of):
         body = Lifter().lift(landmarks, dataclasses.replace(frame, depth=depth), frame.world_from_camera, 1)
     away = np.linalg.norm(body.joints - truth.joints, axis=1)
     assert away[Joint.FOOT_LEFT] < 0.2
-    assert body.confidence[Joint.FOOT_LEFT] == pytest.approx(lifting._CONFIDENCE_WITHOUT_DEPTH)
+    assert body.confidence[Joint.FOOT_LEFT] == pytest.approx(lifting.CONFIDENCE_WITHOUT_DEPTH)
     assert body.confidence[Joint.HEAD] > 0.8
 
 
@@ -89,7 +89,7 @@ def test_without_depth_the_height_gives_the_distance(landmarks_of):
         landmarks = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera, 0.7)
         body = lifter.lift_without_depth(landmarks, frame.intrinsics, frame.world_from_camera, 1)
         assert np.linalg.norm(body.joints - truth.joints, axis=1).mean() < 0.12
-        assert 0.0 < body.confidence.max() <= lifting._CONFIDENCE_WITHOUT_DEPTH
+        assert 0.0 < body.confidence.max() <= lifting.CONFIDENCE_WITHOUT_DEPTH
 
 
 def test_noise_instead_of_landmarks_gives_finite_joints(landmarks_of):

@@ -69,5 +69,5 @@ def test_the_worker_needs_nothing_of_this_program():
 
 
 def test_both_sides_agree_on_the_layout():
-    assert worker.HEADER.format == source._HEADER.format
-    assert len(worker._pack_people([([], [])], 1, 1)) == 4
+    assert worker.HEADER.format == source.HEADER.format
+    assert len(worker.pack_people([([], [])], 1, 1)) == 4

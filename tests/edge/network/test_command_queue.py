@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import pytest
 
 from enliven.wire import Release, ZmtpSession
-from enliven_edge.network.command_queue import _MAX_DEBT_FRAMES, CommandQueue
+from enliven_edge.network.command_queue import MAX_DEBT_FRAMES, CommandQueue
 from enliven_edge.network.connection import Connection
 from enliven_edge.network.control_socket import Command
 
@@ -55,7 +55,7 @@ def test_after_a_slow_order_the_next_is_carried_out_within_half_a_second(served:
     while "next" not in served.done:
         calls += 1
         served.work()
-        assert calls <= _MAX_DEBT_FRAMES + 1
+        assert calls <= MAX_DEBT_FRAMES + 1
     assert calls > 1, "the slow one is made up for a little"
 
 
@@ -63,6 +63,6 @@ def test_an_edge_with_few_frames_a_second_answers_as_soon(served: OrderTarget) -
     served.add("slow")
     served.work()
     served.add("next")
-    time.sleep((_MAX_DEBT_FRAMES + 1) / 30)  # on a loaded machine, one frame may take half a second
+    time.sleep((MAX_DEBT_FRAMES + 1) / 30)  # on a loaded machine, one frame may take half a second
     served.work()
     assert served.done == ["slow", "next"]

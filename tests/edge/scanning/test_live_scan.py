@@ -56,12 +56,13 @@ def test_pause_takes_effect_and_is_reported_while_scan_is_busy(busy):
     assert looks.wait(PATIENCE)
     scan.messages()
     scan.queue_order(Scan("pause"))
-    assert scan.phase == "paused" and phases(scan) == ["paused"]
+    (paused,) = scan.messages()
+    assert scan.phase == paused.phase == "paused"
     scan.offer_image(take.frame(2))
-    fused = len(scan._run.scanner.poses)
     free.set()
     threading.Event().wait(0.3)
-    assert len(scan._run.scanner.poses) == fused, "no image is added after it"
+    later = [message for message in scan.messages() if isinstance(message, ScanMessage)]
+    assert later and {message.fused for message in later} == {paused.fused}, "no image is added after it"
     assert scan.phase == "paused"
 
 
@@ -91,7 +92,8 @@ def test_done_is_refused_and_the_scan_can_continue(busy):
     assert messages[-1].phase == "failed" and "no frame shows enough depth" in messages[-1].note
     scan.queue_order(Scan("go on"))
     assert scan.phase == "scanning"
-    assert phases(scan)[-1] == "scanning" and scan._note == ("", "")
+    messages = [message for message in scan.messages() if isinstance(message, ScanMessage)]
+    assert messages[-1].phase == "scanning" and messages[-1].note == messages[-1].remedy == ""
 
 
 def test_a_box_of_the_stage_cuts_out_what_it_holds():

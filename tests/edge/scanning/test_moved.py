@@ -73,9 +73,10 @@ class Scanned:
 @pytest.fixture(scope="module")
 def scanned(tmp_path_factory):
     take = MovedObjectScan(CHAIR, WAY, load_profile("kinect1"), PATH, width=320)
-    steps, messages, add = [], [], MovedScanner.add
+    steps, scanners, messages, add = [], [], [], MovedScanner.add
 
     def watched(scanner, frame, up=None):
+        scanners.append(scanner)
         steps.append(add(scanner, frame, up))
         return steps[-1]
 
@@ -93,14 +94,13 @@ def scanned(tmp_path_factory):
         patch.setitem(VOXEL_SIZES, "thing", SETTINGS.volume.voxel)
         edge.until(Begun(scan), "the beginning")
         edge.feed_frames(frames, lambda: messages.append((scan.message, choose_advice(scan.message).text)))
-        scanner = edge.edge.scans._scan._run.scanner
         grown, place = scan.surface
         stood = grown.vertices @ place[:3, :3].T + place[:3, 3]
         scan.finish()
         edge.until(lambda: "chair" in window.editor.project.characters, "the character")
     truth = [invert_pose(take.object_pose(index)) @ take.pose(index) for index in indices]
     mesh = window.editor.project.characters["chair"].mesh
-    return Scanned(steps, truth, [index / 30.0 for index in indices], messages, scanner, stood, mesh)
+    return Scanned(steps, truth, [index / 30.0 for index in indices], messages, scanners[-1], stood, mesh)
 
 
 def test_object_is_lost_while_carried_and_found_at_rest(scanned):

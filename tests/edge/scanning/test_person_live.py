@@ -44,12 +44,12 @@ def test_full_turn_creates_a_character_with_named_ends(tmp_path):
         )
         edge.until(lambda: scan.message.missing == 0.0, "all sides in the window")
         edge.feed_frames(images[-1:])
-        scanner = edge.edge.scans._scan._run.scanner
+        assert scan.message.missing == 0.0
         edge.until(lambda: "me" in window.editor.project.characters, "the character, without a key")
     assert words == ["Stand 1 to 3 m in front of the camera, with your whole body in view"]
     assert all(message.thing == "person" for message, _ in messages)
     missing = [message.missing for message, _ in messages]
-    assert (np.diff(missing) <= 0).all() and missing[-1] == 0.0 and scanner.missing == 0.0
+    assert (np.diff(missing) <= 0).all() and missing[-1] == 0.0
     assert any(text.startswith("Turn slowly on the spot: 5") for _, text in messages)
     assert messages[-1][1] == "All sides are scanned: stand still"
     character = window.editor.project.characters["me"]

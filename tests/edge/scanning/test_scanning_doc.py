@@ -62,15 +62,15 @@ def test_numbers_of_the_page_are_the_defaults():
     assert "Voxels of 4 mm" in PAGE and settings.voxel == 0.004
     assert "4 voxels in front of the surface to 3 voxels behind it" in SENTENCES
     assert settings.reach == 2.2
-    assert (tsdf_volume._TRUNCATION_VOXELS, tsdf_volume._TRUNCATION_BEHIND_VOXELS) == (4.0, 3.0)
+    assert (tsdf_volume.TRUNCATION_VOXELS, tsdf_volume.TRUNCATION_BEHIND_VOXELS) == (4.0, 3.0)
 
 
 def test_search_numbers_of_the_page_are_the_defaults():
     assert "displaced by 15 mm or tilted by 15 mrad" in SENTENCES
-    assert (rest._MIN_MOVED_DISTANCE_M, rest._MIN_MOVED_ANGLE_RAD) == (0.015, 0.015)
+    assert (rest.MIN_MOVED_DISTANCE_M, rest.MIN_MOVED_ANGLE_RAD) == (0.015, 0.015)
     assert "from 900 rotations" in SENTENCES and "24 best results" in SENTENCES
-    assert (registration._START_ROTATIONS, registration._REFINED_CANDIDATES) == (900, 24)
+    assert (registration.START_ROTATIONS, registration.REFINED_CANDIDATES) == (900, 24)
     assert "half of its points agree" in SENTENCES and "at most one point in 25" in SENTENCES
-    shares = (registration._MIN_AGREEING_FRACTION, registration._MAX_SEEN_THROUGH_FRACTION)
+    shares = (registration.MIN_AGREEING_FRACTION, registration.MAX_SEEN_THROUGH_FRACTION)
     assert shares == (0.5, 0.04)
-    assert moved_scanner._MIN_REST_IMAGES == 10 and "begins after ten images" in SENTENCES
+    assert moved_scanner.MIN_REST_IMAGES == 10 and "begins after ten images" in SENTENCES

@@ -33,7 +33,7 @@ def crashed(folder) -> None:
 
 
 def test_library_crash_is_located_and_repeats_are_counted(tmp_path):
-    assert doctor._list_crash_reports().detail == "none stored"
+    assert doctor.list_crash_reports().detail == "none stored"
     for name in ("first", "second"):
         crashed(tmp_path / name)
     (report,) = crash_reports.list_stored_reports()
@@ -71,9 +71,9 @@ def test_crash_dump_of_an_oak_is_kept_unchanged(state):
     assert dai.CrashDump.load(str(report.path)).deviceId == "18443010/../x"
     assert re.search(
         r"oak-firmware-18443010_.._x-.*gz, \d{4}-\d\d-\d\d \d\d:\d\d: .* https://discuss\.luxonis\.com",
-        doctor._list_crash_reports().detail,
+        doctor.list_crash_reports().detail,
     )
-    assert doctor._list_crash_reports().ok, "a report is no lack of the machine"
+    assert doctor.list_crash_reports().ok, "a report is no lack of the machine"
 
 
 def test_the_newest_are_kept_within_a_number_and_a_size(monkeypatch, state):

@@ -171,7 +171,7 @@ def test_device_with_only_bad_frames_is_reopened():
 
 
 def test_hanging_read_is_abandoned_for_a_new_device(monkeypatch):
-    monkeypatch.setitem(reopening._CALL_TIMEOUTS_S, "read", 0.3)
+    monkeypatch.setitem(reopening.CALL_TIMEOUTS_S, "read", 0.3)
     let_go = threading.Event()
 
     class Hanging(Troubled):

@@ -80,7 +80,7 @@ def test_cameras_at_camera_ports_are_listed_whatever_libcamera_does(
 
 
 def test_only_raspberry_pi_gets_libcamera_advice(capsys, monkeypatch, tmp_path):
-    if libcamera_library._is_installed():
+    if libcamera_library.is_installed():
         pytest.skip("libcamera is installed")
     monkeypatch.setattr(libcamera_library, "_BOARD", tmp_path / "model")
     assert "libcamera is not" not in said(capsys)[1]
@@ -101,11 +101,11 @@ def test_view_of_one_sensor_is_described_and_drawn(capsys, tmp_path):
 
 
 def test_accelerometer_is_shown_next_to_the_floor():
-    from enliven_edge.commands.sensors import _describe_condition
+    from enliven_edge.commands.sensors import describe_condition
     from enliven_edge.sensors.base import Condition
 
     tilted = np.array([0.0, np.cos(0.3), np.sin(0.3)])
-    facts = dict(_describe_condition(Condition("USB 2", True, 61.0, 90.0, (0.0, 9.8, 0.0)), tilted))
+    facts = dict(describe_condition(Condition("USB 2", True, 61.0, 90.0, (0.0, 9.8, 0.0)), tilted))
     assert (
         facts["gravity"]
         == "sensor tilted down by 0 degrees, by its accelerometer; 17 degrees from the floor's normal"

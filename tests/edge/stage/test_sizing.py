@@ -17,7 +17,7 @@ from enliven.possession import Actor, ActorSettings, EmbeddedActor, make_standin
 from enliven.possession.placement import Placement
 from enliven.wire import MAX_GROWTH, Resize
 from enliven_edge.controls.base import orders_from_command
-from enliven_edge.stage.sizing import _DEAD_BAND, _DISTANCE_OFFSET_M, HandSizing
+from enliven_edge.stage.sizing import DEAD_BAND, DISTANCE_OFFSET_M, HandSizing
 from enliven_edge.stage.stage import Stage
 
 FRAME = 33_333_333
@@ -69,13 +69,13 @@ def test_hands_multiply_the_size_within_play_and_bounds_and_it_stays(first, last
     play.frames(person(first), 3)
     assert play.growth == 1.0, "nothing happens before the hands move"
     play.frames(person(last), 40)
-    ratio = np.log((last + _DISTANCE_OFFSET_M) / (first + _DISTANCE_OFFSET_M))
-    wanted = np.sign(ratio) * max(abs(ratio) - _DEAD_BAND, 0.0)
+    ratio = np.log((last + DISTANCE_OFFSET_M) / (first + DISTANCE_OFFSET_M))
+    wanted = np.sign(ratio) * max(abs(ratio) - DEAD_BAND, 0.0)
     expected = np.exp(np.clip(wanted, -np.log(MAX_GROWTH), np.log(MAX_GROWTH)))
     assert play.growth == pytest.approx(expected, rel=0.01)
     for wobble in (1.03, 0.98, 1.0):
         before = play.growth
-        play.frames(person(last * wobble + _DISTANCE_OFFSET_M * (wobble - 1)), 2)
+        play.frames(person(last * wobble + DISTANCE_OFFSET_M * (wobble - 1)), 2)
         assert play.growth == pytest.approx(before, rel=0.015), "hands that tremble change nothing"
     play.sizing.handle(Resize("end"))
     stays = play.growth

@@ -155,12 +155,12 @@ def test_the_same_seed_and_number_give_the_same_image() -> None:
 @pytest.mark.parametrize("window", [1, 2, 5, 9, 14])
 def test_noise_fields_are_the_box_filters_they_claim(window: int) -> None:
     noise = DepthNoise(load_profile("kinect1"), CAMERA, seed=9)
-    field = noise._noise_field(4, 0, window)
+    field = noise.noise_field(4, 0, window)
     box = max(1, round(0.7 * window))
     assert field.std() == pytest.approx(1.0, abs=0.05) and abs(field.mean()) < 0.05
     if box == 1:
         return
-    raw = noise._random_bytes(4, 0, (240 + 2 * box - 2, 320 + 2 * box - 2)).astype(float)
+    raw = noise.random_bytes(4, 0, (240 + 2 * box - 2, 320 + 2 * box - 2)).astype(float)
     kernel = np.convolve(np.ones(box), np.ones(box))
     patch = raw[30 : 30 + len(kernel), 77 : 77 + len(kernel)]
     slow = (kernel @ (patch - 127.5) @ kernel) / ((kernel**2).sum() * math.sqrt((256**2 - 1) / 12))

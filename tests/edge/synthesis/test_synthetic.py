@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from enliven.camera import unproject_depth
+from enliven.camera import pixel_rays, unproject_depth
 from enliven.errors import InputError
 from enliven.person.body import Body
 from enliven_edge.sensors.registry import open_sensor
+from enliven_synthesis.sensor import synthetic
 from enliven_synthesis.sensor.scene import cast_room
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
@@ -38,7 +41,7 @@ def test_rendered_performer_agrees_with_the_truth(noise: bool, share: float) -> 
     assert frame is not None
     empty, _ = cast_room(frame.intrinsics, frame.world_from_camera)
     figure = (frame.depth > 0) & (frame.depth / 1000.0 < empty - 0.25)
-    points = unproject_depth(frame.depth, sensor.studio._renderer.ray)[figure]
+    points = unproject_depth(frame.depth, pixel_rays(frame.intrinsics))[figure]
     world = points @ frame.world_from_camera[:3, :3].T + frame.world_from_camera[:3, 3]
     body = sensor.truth(frame.time_ns)
     assert figure.sum() > 4000
@@ -58,7 +61,8 @@ def test_stream_ends_or_loops() -> None:
     assert sensor.read() is None
     looping = SyntheticSensor("tof", "wave", width=80, realtime=False, noise=False)
     first = looping.read()
-    looping._index = looping.studio.frames
+    for _ in range(looping.studio.frames - 1):
+        looping.read()
     again = looping.read()
     assert again.time_ns == 5_000_000_000
     assert np.abs(again.depth.astype(int) - first.depth).max() <= 1  # the same posture, later
@@ -76,14 +80,15 @@ def test_the_same_options_give_the_same_frames() -> None:
     assert (first.studio.frame(40).depth == second.studio.frame(40).depth).all()
 
 
-def test_in_real_time_a_frame_is_not_due_at_once() -> None:
+def test_in_real_time_a_frame_is_not_due_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    clock = SimpleNamespace(monotonic=lambda: now[0], sleep=lambda seconds: None)
+    monkeypatch.setattr(synthetic, "time", clock)
     with SyntheticSensor("tof", "idle", width=80) as sensor:
         assert sensor.read() is not None
-        sensor._started += 1000.0  # as if the first frame were far in the future
         with pytest.raises(TimeoutError, match="is due in"):
             sensor.read(0.0)
-        # This acts as if the reader had slept for two seconds, so those frames are dropped.
-        sensor._started -= 1000.0 + 2.0
+        now[0] += 2.05  # The reader was slow, so these frames are dropped.
         late = sensor.read()
         assert late.time_ns >= 2_000_000_000
     assert sensor.read() is None

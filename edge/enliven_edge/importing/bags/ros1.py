@@ -139,7 +139,7 @@ def messages(path: Path, is_requested: Callable[[str], bool]) -> Iterator[Messag
                 file.seek(remaining, os.SEEK_CUR)
                 continue
             yield from _chunk_messages(
-                _decompress(header, _read_sized(file, _MAX_CHUNK_BYTES, path), path),
+                decompress_chunk(header, _read_sized(file, _MAX_CHUNK_BYTES, path), path),
                 topics,
                 is_requested,
                 path,
@@ -174,7 +174,7 @@ def _find_part(chunk: bytes, offset: int, path: Path) -> tuple[int, int]:
     return start, end
 
 
-def _decompress(header: dict[bytes, bytes], compressed: bytes, path: Path) -> bytes:
+def decompress_chunk(header: dict[bytes, bytes], compressed: bytes, path: Path) -> bytes:
     """Returns the decompressed content of a chunk, limited to its declared size."""
     compression, size = (
         header.get(b"compression", b""),

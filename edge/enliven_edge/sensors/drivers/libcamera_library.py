@@ -57,7 +57,7 @@ def list_cameras() -> list[ListedCamera]:
     Raises:
         ResourceError: if libcamera does not load or does not answer, or is missing on a Raspberry Pi.
     """
-    if not _is_installed() and not _is_raspberry_pi():
+    if not is_installed() and not _is_raspberry_pi():
         return []
     command = [sys.executable, "-c", f"from {__name__} import print_cameras; print_cameras()"]
     try:
@@ -111,7 +111,8 @@ def _library_folders() -> list[str]:
     return [str(folder) for folder in folders if (folder / "libcamera").is_dir()]
 
 
-def _is_installed() -> bool:
+def is_installed() -> bool:
+    """Returns True if Python, or the system's Python, has the libcamera binding."""
     return bool(_library_folders()) or importlib.util.find_spec("libcamera") is not None
 
 

@@ -22,7 +22,7 @@ from enliven_edge.sensors.drivers.refusals import convert_error
 
 _GRAVITY_READINGS = 100
 """Number of accelerometer readings: one second at 100 Hz. Their mean is used as gravity."""
-_SYNC_MODES = ("free_run", "standalone", "primary", "secondary", "secondary_synced", "hardware_triggering")
+SYNC_MODES = ("free_run", "standalone", "primary", "secondary", "secondary_synced", "hardware_triggering")
 """Modes of OBMultiDeviceSyncMode that synchronise several cameras with only a cable."""
 KINDS = {
     r"Gemini (2|210|215)\b": "orbbec-gemini2",
@@ -66,11 +66,11 @@ class OrbbecSensor(Sensor):
         rehearse: str = "",
         before: str = "",
     ) -> None:
-        if sync and sync not in _SYNC_MODES:
+        if sync and sync not in SYNC_MODES:
             raise InputError(
                 f"the sync mode {sync!r} does not exist",
                 where="sensor orbbec",
-                remedy=f"Use one of these modes: {', '.join(_SYNC_MODES)}.",
+                remedy=f"Use one of these modes: {', '.join(SYNC_MODES)}.",
             )
         self._ob = orbbec_library()
         self._pipeline: Any = None

@@ -35,32 +35,28 @@ _MAX_IMAGE_BYTES = 1 << 30
 file, which is written completely before it is played."""
 _HEADER_SIZE = 4096
 """Size of the first record in bytes. It is written again at the end."""
-_OP_MESSAGE, _OP_HEADER, _OP_INDEX, _OP_CHUNK, _OP_CHUNK_INFO, _OP_CONNECTION = (
-    b"\2",
-    b"\3",
-    b"\4",
-    b"\5",
-    b"\6",
-    b"\7",
-)
+OP_CHUNK = b"\5"
+"""The kind of a record that contains messages."""
+_OP_MESSAGE, _OP_HEADER, _OP_INDEX, _OP_CHUNK_INFO, _OP_CONNECTION = b"\2", b"\3", b"\4", b"\6", b"\7"
 _DEPTH = 3
 """Orbbec's number of the depth sensor, its stream and its frames."""
 _Y16 = 8
 """Orbbec's number of the format with 16 bits per pixel."""
 _BROWN_CONRADY = 3
 """Orbbec's number of the distortion model that enliven uses."""
-_CAMERA = (0x2BC5, 0x0669, b"Femto Mega")
+CLAIMED_CAMERA = (0x2BC5, 0x0669, b"Femto Mega")
 """USB vendor, USB product and name of the camera that a playback claims to be.
 
 It is a Femto, because the library plays the depth of a Femto without changes."""
-_FILE_VERSION = 2.0
+FILE_VERSION = 2.0
 """The file version that OrbbecSDK 2.4 and later write and accept."""
-_MADE_UP = "0123456789abcdef0123456789abcdef"
-_TOPICS = {
+ANY_CHECKSUM = "0123456789abcdef0123456789abcdef"
+"""The checksum that the library expects for the types of Orbbec's own messages."""
+TOPICS = {
     "image": ("/cam/sensor_3/frameType_3", "sensor_msgs/Image", "060021388200f6f0f447d0fcd9c64743"),
     "device": ("/cam/deviceInfo", "custom_msg/OBDeviceInfo", "afef5328bb4abebd1a309e1ea8b26b3a"),
-    "stream": ("/cam/streamProfileType_3", "custom_msg/OBStreamProfileInfo", _MADE_UP),
-    "property": ("/cam/property", "custom_msg/OBProperty", _MADE_UP),
+    "stream": ("/cam/streamProfileType_3", "custom_msg/OBStreamProfileInfo", ANY_CHECKSUM),
+    "property": ("/cam/property", "custom_msg/OBProperty", ANY_CHECKSUM),
 }
 """The topic, type and checksum of each kind of message."""
 
@@ -114,15 +110,15 @@ def _write(
     """
     first, images = next(frames), 0
     shift_ns = first.time_ns - 1000 * BEGINNING_US
-    with _Bag(path) as bag:
+    with PlaybackBag(path) as bag:
         for frame in itertools.chain([first], frames):
             time_us = (frame.time_ns - shift_ns) // 1000
             bag.write([("image", time_us, _image_message(frame.depth, time_us, image_offset + images))])
             images += 1
         topics = {
             "device": _device_message(),
-            "stream": _stream_message(camera, fps),
-            "property": _property_message(0, struct.pack("<d", _FILE_VERSION)),
+            "stream": make_stream_message(camera, fps),
+            "property": make_property_message(0, struct.pack("<d", FILE_VERSION)),
         }
         bag.write([(kind, BEGINNING_US, data) for kind, data in topics.items()])
     return Playback(path, images, shift_ns)
@@ -151,8 +147,12 @@ def _read_next(sensor: ReplaySensor) -> Frame | None:
             log.warning("%s", error)
 
 
-class _Bag:
-    """A ROS bag that is being written. Its index is at its end."""
+class PlaybackBag:
+    """A ROS bag that is being written. Its index is at its end.
+
+    Args:
+        path: the file, which is replaced.
+    """
 
     def __init__(self, path: Path) -> None:
         self._file: BinaryIO = path.open("wb")
@@ -160,7 +160,7 @@ class _Bag:
         self._connections: dict[str, bytes] = {}
         self._chunks: list[bytes] = []
 
-    def __enter__(self) -> _Bag:
+    def __enter__(self) -> PlaybackBag:
         return self
 
     def __exit__(
@@ -177,50 +177,53 @@ class _Bag:
         body, offsets = b"", dict[int, list[bytes]]()
         for kind, time_us, content in messages:
             if kind not in self._connections:
-                self._connections[kind] = _connection(len(self._connections), *_TOPICS[kind])
+                self._connections[kind] = make_connection(len(self._connections), *TOPICS[kind])
                 body += self._connections[kind]
             number = list(self._connections).index(kind)
             offsets.setdefault(number, []).append(_time(time_us) + struct.pack("<I", len(body)))
             fields = {"conn": struct.pack("<I", number), "time": _time(time_us)}
-            body += _record(_OP_MESSAGE, fields, content)
+            body += make_record(_OP_MESSAGE, fields, content)
         position = self._file.tell()
         size = struct.pack("<I", len(body))
-        self._file.write(_record(_OP_CHUNK, {"compression": b"none", "size": size}, body))
+        self._file.write(make_record(OP_CHUNK, {"compression": b"none", "size": size}, body))
         for number, entries in offsets.items():
             fields = _numbers(ver=1, conn=number, count=len(entries))
-            self._file.write(_record(_OP_INDEX, fields, b"".join(entries)))
+            self._file.write(make_record(_OP_INDEX, fields, b"".join(entries)))
         times = [time_us for _, time_us, _ in messages]
         fields = _numbers(ver=1, count=len(offsets)) | {"chunk_pos": struct.pack("<Q", position)}
         fields |= {"start_time": _time(min(times)), "end_time": _time(max(times))}
         counts = b"".join(struct.pack("<II", number, len(entries)) for number, entries in offsets.items())
-        self._chunks.append(_record(_OP_CHUNK_INFO, fields, counts))
+        self._chunks.append(make_record(_OP_CHUNK_INFO, fields, counts))
 
 
 def _make_first_record(index: int, connections: int, chunks: int) -> bytes:
     fields = {"index_pos": struct.pack("<Q", index)} | _numbers(conn_count=connections, chunk_count=chunks)
-    bare = len(_record(_OP_HEADER, fields, b""))
-    return _record(_OP_HEADER, fields, b" " * (_HEADER_SIZE - bare))
+    bare = len(make_record(_OP_HEADER, fields, b""))
+    return make_record(_OP_HEADER, fields, b" " * (_HEADER_SIZE - bare))
 
 
-def _connection(number: int, topic: str, kind: str, checksum: str) -> bytes:
+def make_connection(number: int, topic: str, kind: str, checksum: str) -> bytes:
+    """Returns the record that assigns a number to a topic and its type of message."""
     fields = {"topic": topic, "type": kind, "md5sum": checksum, "message_definition": ""}
     content = _fields({key: value.encode() for key, value in fields.items()})
-    return _record(_OP_CONNECTION, _numbers(conn=number) | {"topic": topic.encode()}, content)
+    return make_record(_OP_CONNECTION, _numbers(conn=number) | {"topic": topic.encode()}, content)
 
 
-def _record(op: bytes, fields: Mapping[str, bytes], content: bytes) -> bytes:
-    return _with_size(_fields({**fields, "op": op})) + _with_size(content)
+def make_record(op: bytes, fields: Mapping[str, bytes], content: bytes) -> bytes:
+    """Returns a record of a bag: its kind and its other fields, then its content."""
+    return prefix_size(_fields({**fields, "op": op})) + prefix_size(content)
 
 
 def _fields(fields: Mapping[str, bytes]) -> bytes:
-    return b"".join(_with_size(key.encode() + b"=" + value) for key, value in fields.items())
+    return b"".join(prefix_size(key.encode() + b"=" + value) for key, value in fields.items())
 
 
 def _numbers(**numbers: int) -> dict[str, bytes]:
     return {key: struct.pack("<I", number) for key, number in numbers.items()}
 
 
-def _with_size(content: bytes) -> bytes:
+def prefix_size(content: bytes) -> bytes:
+    """Returns the content after its length as uint32."""
     return struct.pack("<I", len(content)) + content
 
 
@@ -229,9 +232,9 @@ def _time(time_us: int) -> bytes:
     return struct.pack("<II", seconds, 1000 * rest)
 
 
-def _ros_header(time_us: int = BEGINNING_US) -> bytes:
+def make_ros_header(time_us: int = BEGINNING_US) -> bytes:
     """Returns the ROS header of a message: a counter, a time and a name."""
-    return struct.pack("<I", 0) + _time(time_us) + _with_size(b"")
+    return struct.pack("<I", 0) + _time(time_us) + prefix_size(b"")
 
 
 def _image_message(depth: np.ndarray, time_us: int, number: int) -> bytes:
@@ -240,23 +243,23 @@ def _image_message(depth: np.ndarray, time_us: int, number: int) -> bytes:
     It is followed by Orbbec's fields: bits per pixel, number, times and metadata.
     """
     height, width = depth.shape
-    shape = struct.pack("<II", height, width) + _with_size(b"mono16") + struct.pack("<BI", 0, 2 * width)
-    pixels = _with_size(np.ascontiguousarray(depth, "<u2").tobytes())
+    shape = struct.pack("<II", height, width) + prefix_size(b"mono16") + struct.pack("<BI", 0, 2 * width)
+    pixels = prefix_size(np.ascontiguousarray(depth, "<u2").tobytes())
     orbbec_fields = struct.pack("<IQQQQ", 16, number, time_us, time_us, time_us)
-    return _ros_header(time_us) + shape + pixels + orbbec_fields + _with_size(b"") + struct.pack("<I", 0)
+    return make_ros_header(time_us) + shape + pixels + orbbec_fields + prefix_size(b"") + struct.pack("<I", 0)
 
 
 def _device_message() -> bytes:
     """Returns ``custom_msg/OBDeviceInfo``."""
-    vendor, product, name = _CAMERA
+    vendor, product, name = CLAIMED_CAMERA
     serial, link = b"rehearsal", b"USB3.0"
     text = [name, name, b"", b"rehearsal", serial, b"1.2.8", b"1.0", b"2.0.0", link]
-    words = [_with_size(word) for word in text]
+    words = [prefix_size(word) for word in text]
     words.insert(3, struct.pack("<HH", vendor, product))
-    return _ros_header() + b"".join(words) + struct.pack("<HB", 0, 0) + 2 * _with_size(b"")
+    return make_ros_header() + b"".join(words) + struct.pack("<HB", 0, 0) + 2 * prefix_size(b"")
 
 
-def _stream_message(camera: Intrinsics, fps: int) -> bytes:
+def make_stream_message(camera: Intrinsics, fps: int) -> bytes:
     """Returns ``custom_msg/OBStreamProfileInfo``: the intrinsics of the depth camera."""
     k1, k2, p1, p2, k3 = camera.distortion
     distortion = any(camera.distortion)
@@ -264,16 +267,16 @@ def _stream_message(camera: Intrinsics, fps: int) -> bytes:
     lens = [camera.fx, camera.fy, camera.cx, camera.cy, k1, k2, k3, 0.0, 0.0, 0.0, p1, p2]
     size = struct.pack("<HHH", camera.width, camera.height, fps)
     return (
-        _ros_header()
+        make_ros_header()
         + struct.pack("<BB12f", _DEPTH, _Y16, *values)
         + size
         + struct.pack("<12fB", *lens, _BROWN_CONRADY if distortion else 0)
     )
 
 
-def _property_message(number: int, value: bytes) -> bytes:
+def make_property_message(number: int, value: bytes) -> bytes:
     """Returns ``custom_msg/OBProperty``."""
-    return _ros_header() + struct.pack("<I", number) + _with_size(value) + struct.pack("<I", len(value))
+    return make_ros_header() + struct.pack("<I", number) + prefix_size(value) + struct.pack("<I", len(value))
 
 
 def playbacks(ob: Any, path: str) -> list[tuple[Any, int]]:

@@ -117,7 +117,7 @@ class TofSensor(Sensor):
             self._lens, number = frame.lens, frame.number
             time_ns = self._driver_replay.record_taken(frame.time_ns)
         try:
-            depth = self._filter_depth(frame.depth_data, frame.confidence_data)
+            depth = self.filter_depth(frame.depth_data, frame.confidence_data)
         finally:
             self._release_frame(frame)
         self._number = number + 1
@@ -189,7 +189,7 @@ class TofSensor(Sensor):
         if self._camera is not None and frame is not None:
             self._camera.releaseFrame(frame)
 
-    def _filter_depth(self, depth: Float32, confidence: Float32) -> UInt16:
+    def filter_depth(self, depth: Float32, confidence: Float32) -> UInt16:
         """Returns (H, W) uint16 millimetres, 0 for pixels with low confidence or out of range."""
         lens: Intrinsics = self._lens
         if depth.shape != (lens.height, lens.width) or confidence.shape != depth.shape:

@@ -100,9 +100,7 @@ def disparity_offset(
     """
     cv, lens = import_opencv(), calibration.left
     points, left, right = sighting.find_common_corners(board)
-    columns = [
-        pixel_points[:, 0] for pixel_points in _rectify_points(rectification, calibration, left, right)
-    ]
+    columns = [pixel_points[:, 0] for pixel_points in rectify_points(rectification, calibration, left, right)]
     _, turn, shift = cv.solvePnP(points, left, lens.matrix(), np.array(lens.distortion))
     depth = ((points @ cv.Rodrigues(turn)[0].T + shift.T) @ rectification.rotations[0].T)[:, 2]
     expected = rectification.intrinsics.fx * rectification.baseline / depth
@@ -155,7 +153,7 @@ def _fit(
     )
     rectification = Rectification(calibration)
     rectified = [
-        _rectify_points(rectification, calibration, *sighting.find_common_corners(board)[1:])
+        rectify_points(rectification, calibration, *sighting.find_common_corners(board)[1:])
         for sighting in used
     ]
     row_errors = np.concatenate([left[:, 1] - right[:, 1] for left, right in rectified])
@@ -169,7 +167,7 @@ def _lens(matrix: Float, distortion: Float) -> StereoLens:
     return StereoLens(fx, fy, cx, cy, (k1, k2, p1, p2, k3))
 
 
-def _rectify_points(
+def rectify_points(
     rectification: Rectification, calibration: StereoCalibration, left: Float, right: Float
 ) -> tuple[Float, Float]:
     """Converts (N, 2) pixels of both cameras to (N, 2) and (N, 2) pixels of the rectified images."""

@@ -20,7 +20,7 @@ from enliven_edge.tracking.frame.observation import world_points
 _NODES = 1200
 """Approximate number of pixels to which the surface is thinned: 2 to 3 cm apart on a person, enough to find a
 hand."""
-_DEPTH_EDGE_COST_M = 1.0
+DEPTH_EDGE_COST_M = 1.0
 """Additional cost in metres of a path across a depth edge. It is longer than the path along an arm that is
 held in front of the chest."""
 
@@ -144,7 +144,7 @@ def extend_distances(points, z, mask, step, source, distance):
                     square += (points[q, p, a] - points[v, u, a]) ** 2
                 cost = np.sqrt(square)
                 if _is_depth_edge(z[v, u], z[q, p], step):
-                    cost += _DEPTH_EDGE_COST_M
+                    cost += DEPTH_EDGE_COST_M
                 if key + cost < distance[q, p] - 1e-9:
                     distance[q, p] = key + cost
                     size = push(heap_key, heap_cell, size, key + cost, q * width + p)

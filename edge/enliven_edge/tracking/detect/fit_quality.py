@@ -73,7 +73,7 @@ class Facing:
             velocity: (3,) metres per second of the hip centre.
         """
         facing_logs = network_output.estimate.facing
-        advantage = float(_advantage(posture.rotations, posture.position, eye, velocity, facing_logs))
+        advantage = float(facing_advantage(posture.rotations, posture.position, eye, velocity, facing_logs))
         self._frames += 1
         self._advantage += max(1.0 / _EVIDENCE_FRAMES, 1.0 / self._frames) * (advantage - self._advantage)
         if self._frames < _MIN_EVIDENCE_FRAMES:
@@ -93,7 +93,7 @@ def leaning_backward(rotations):
 
 
 @njit(cache=True, nogil=True)
-def _advantage(rotations, place, eye, velocity, ways):
+def facing_advantage(rotations, place, eye, velocity, ways):
     """Returns the log probability of a posture's facing minus that of its opposite, in one frame.
 
     Args:

@@ -36,7 +36,7 @@ _DOUBTFUL_CONFIDENCE = 0.5
 """Minimum confidence of the capsules of a forearm. Below it the arm is doubtful."""
 _MAX_COST_RATIO = 0.985
 """Maximum cost of an accepted proposal, relative to the present cost. Smaller gains are noise of the fit."""
-_MAX_UNEXPLAINED = 0.03
+MAX_UNEXPLAINED = 0.03
 """Maximum additional fraction of points that an accepted posture may leave unexplained. Without this limit
 the fit lost a visible leg, because the network had not learnt such a kick and placed the leg elsewhere."""
 _DOUBTFUL_QUALITY = 0.9
@@ -109,7 +109,7 @@ class _PresentFit:
         present_cost = total_recovery_cost(self._report, posture, network_output)
         cost = total_recovery_cost(fit[1], fit[0], network_output)
         additional_unexplained = self._report.explained - fit[1].explained
-        return cost < _MAX_COST_RATIO * present_cost and additional_unexplained <= _MAX_UNEXPLAINED
+        return cost < _MAX_COST_RATIO * present_cost and additional_unexplained <= MAX_UNEXPLAINED
 
 
 def total_recovery_cost(

@@ -21,14 +21,14 @@ ROWS = 80
 """Rows of a crop, fixed by the network. A person with raised arms fits into them."""
 COLUMNS = 64
 """Columns of a crop, fixed by the network. Outstretched arms fit into them."""
-_MIN_CELL_M = 0.02
+MIN_CELL_M = 0.02
 """Minimum size of a cell in metres at the person's depth. A finer crop would exceed the sensor's
 resolution.
 """
-_MAX_CELL_M = 0.036
+MAX_CELL_M = 0.036
 """Maximum size of a cell in metres at the person's depth. 80 cells then cover a tall person with raised
 arms."""
-_CROP_MARGIN = 1.2
+CROP_MARGIN = 1.2
 """Size of a crop relative to the visible part of the person. The margin includes limbs that the first
 segmentation missed.
 """
@@ -139,7 +139,7 @@ def crop_person(
     depth = max(0.2, depth + float(displacement[2]))
     centre = 0.5 * (low + high) + displacement[:2] / depth
     needed_cell = max(float(high[0] - low[0]) / COLUMNS, float(high[1] - low[1]) / ROWS) * depth
-    cell = min(max(_CROP_MARGIN * needed_cell * math.exp(displacement[3]), _MIN_CELL_M), _MAX_CELL_M)
+    cell = min(max(CROP_MARGIN * needed_cell * math.exp(displacement[3]), MIN_CELL_M), MAX_CELL_M)
     image = np.zeros((CHANNELS, ROWS, COLUMNS), np.float32)
     _fill(image, z, mask, camera, np.ascontiguousarray(world_from_camera), axes, centre, depth, cell, raised)
     return Crop(image, depth, cell, axes, centre)

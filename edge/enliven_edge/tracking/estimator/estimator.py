@@ -161,7 +161,9 @@ class PoseEstimator:
         estimates = []
         for n in range(len(condition)):
             in_camera = crop.to_camera(joints[n].astype(np.float64))
-            world, spreads, facing_logs, person = _decode(in_camera, spread[n], facing[n], world_from_camera)
+            world, spreads, facing_logs, person = decode_output(
+                in_camera, spread[n], facing[n], world_from_camera
+            )
             estimates.append(Estimate(world, spreads, facing_logs, parts[n], crop, person))
         return estimates
 
@@ -177,7 +179,7 @@ class PoseEstimator:
 
 
 @njit(cache=True, nogil=True)
-def _decode(here, spread, facing, pose):
+def decode_output(here, spread, facing, pose):
     """Decodes the network's output: joints, spread, facing and person probability, as in :class:`Estimate`.
 
     Args:

@@ -37,10 +37,10 @@ _MIN_GAIN = 1e-3
 exact."""
 _LIMIT_WEIGHT = 100.0
 """Weight of the joint limits, square centimetres per square radian."""
-_REST_WEIGHTS = model.frame_weights(1.5, {model.PELVIS: 0.0, model.CHEST: 15.0, model.HEAD: 10.0})
+REST_WEIGHTS = model.frame_weights(1.5, {model.PELVIS: 0.0, model.CHEST: 15.0, model.HEAD: 10.0})
 """(13,) weights of the prior towards the relaxed posture, square centimetres per square radian. They are
 higher for the trunk, which few targets constrain. The pelvis' heading is free."""
-_SKELETON = (
+SKELETON = (
     model.FRAME_PARENTS,
     model.PIVOTS,
     model.MOVES,
@@ -49,7 +49,7 @@ _SKELETON = (
     model.FRAME_LENGTHS,
 )
 """The model's arrays that the compiled alignment takes as arguments."""
-_LIMITS = (joint_limits.MIDDLE, joint_limits.HALF_RANGES, joint_limits.RELAXED, _REST_WEIGHTS)
+POSTURE_LIMITS = (joint_limits.MIDDLE, joint_limits.HALF_RANGES, joint_limits.RELAXED, REST_WEIGHTS)
 """The middle and half width of the joint ranges, the relaxed posture and its weights."""
 
 
@@ -82,7 +82,7 @@ def align(
     contiguous_weights = np.ascontiguousarray(weights)
     energy = _align(
         aligned.position, aligned.rotations, aligned.lengths, frames, local, targets,
-        contiguous_weights, width, _SKELETON, _LIMITS, iterations,
+        contiguous_weights, width, SKELETON, POSTURE_LIMITS, iterations,
     )  # fmt: skip
     return aligned, float(energy)
 
@@ -96,14 +96,14 @@ def _align(
     trial_matrix, trial_gradient = np.zeros((model.DOFS, model.DOFS)), np.zeros(model.DOFS)
     step, factor = np.empty(model.DOFS), np.empty((model.DOFS, model.DOFS))
     anchors = (frames, local, targets, weights)
-    energy = _normal_equations(
+    energy = write_normal_equations(
         matrix, gradient, position, rotations, lengths, anchors, width, skeleton, limits
     )
     damping = FIRST_DAMPING
     for _ in range(iterations):
         solve_damped(step, factor, matrix, gradient, damping)
         moved = apply_step(position, rotations, lengths, step, skeleton[3], skeleton[4])
-        lower = _normal_equations(
+        lower = write_normal_equations(
             trial_matrix, trial_gradient, moved[0], moved[1], lengths, anchors, width, skeleton, limits
         )
         if not lower < energy:
@@ -124,7 +124,7 @@ def _align(
 
 
 @njit(cache=True, nogil=True)
-def _normal_equations(matrix, gradient, position, rotations, lengths, anchors, width, skeleton, limits):
+def write_normal_equations(matrix, gradient, position, rotations, lengths, anchors, width, skeleton, limits):
     """Writes the normal equations of targets, joint ranges and relaxation.
 
     Returns the energy in square centimetres.

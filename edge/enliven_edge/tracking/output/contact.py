@@ -16,7 +16,13 @@ _MAX_STANDING_SPEED_M_S = 0.35
 """A foot that moves at this speed counts as lifted."""
 _STANDING_HYSTERESIS = 1.25
 """Factor on both limits for a standing foot, so that contact does not flicker."""
-_LIMITS = (_MAX_STANDING_HEIGHT_M, _MAX_STANDING_LIFT_M, _MAX_STANDING_SPEED_M_S, _STANDING_HYSTERESIS)
+STANDING_LIMITS = (
+    _MAX_STANDING_HEIGHT_M,
+    _MAX_STANDING_LIFT_M,
+    _MAX_STANDING_SPEED_M_S,
+    _STANDING_HYSTERESIS,
+)
+"""The limits of a standing foot in the order of the arguments of :func:`update_contacts`."""
 
 _POINTS = np.array([[Joint.FOOT_LEFT, Joint.ANKLE_LEFT], [Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT]])
 """(2, 2) the joints at ball and ankle of each foot. A foot may stand on either of them."""
@@ -70,7 +76,7 @@ class FootContacts:
         if self._last is None or not 0.0 < seconds < _MAX_GAP_S:
             self._last, seconds = np.zeros((2, 2, 3)), 0.0
         feet = (self._last, self._speed, self._ground, self._stands)
-        return np.asarray(update_contacts(joints, confidence, *feet, seconds, *_LIMITS))
+        return np.asarray(update_contacts(joints, confidence, *feet, seconds, *STANDING_LIMITS))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

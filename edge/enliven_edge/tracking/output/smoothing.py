@@ -8,11 +8,11 @@ from enliven.arrays import Float
 from enliven.kernels import njit
 from enliven_edge.tracking.settings import SmoothingSettings
 
-_REST_CUTOFF_HZ = 3.0
+REST_CUTOFF_HZ = 3.0
 """Cut-off frequency at rest for amount 1. Lower values remove more jitter."""
-_CUTOFF_PER_SPEED = 4.0
+CUTOFF_PER_SPEED = 4.0
 """Increase of the cut-off frequency with speed. Higher values reduce lag in fast motion. In Hz/(m/s)."""
-_CUTOFF_PER_TURN = 1.5
+CUTOFF_PER_TURN = 1.5
 """Increase of the cut-off frequency with rotation speed. Higher values reduce lag in fast turns. In
 Hz/(rad/s)."""
 
@@ -70,7 +70,7 @@ class OneEuro(_Filter):
 
     def _filter_step(self, filtered: Float, value: Float, seconds: float) -> Float:
         raw = np.ascontiguousarray(value, np.float64)
-        cutoff, slope = _REST_CUTOFF_HZ / self.amount, _CUTOFF_PER_SPEED / self.amount
+        cutoff, slope = REST_CUTOFF_HZ / self.amount, CUTOFF_PER_SPEED / self.amount
         filter_places(filtered, self._velocity, self.delay, raw, seconds, cutoff, slope)
         return filtered
 
@@ -84,7 +84,7 @@ class OneEuroTurns(_Filter):
 
     def _filter_step(self, filtered: Float, value: Float, seconds: float) -> Float:
         raw = np.ascontiguousarray(value, np.float64)
-        cutoff, slope = _REST_CUTOFF_HZ / self.amount, _CUTOFF_PER_TURN / self.amount
+        cutoff, slope = REST_CUTOFF_HZ / self.amount, CUTOFF_PER_TURN / self.amount
         filter_turns(filtered, self._velocity, self.delay, raw, seconds, cutoff, slope)
         return filtered
 

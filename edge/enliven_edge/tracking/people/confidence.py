@@ -98,10 +98,10 @@ def _weights_of_joints(table_name: str) -> Float:
 
     The joints of a group have equal rows.
     """
-    return np.ascontiguousarray(_evidence_weights(table_name)[GROUP_OF_JOINT])
+    return np.ascontiguousarray(load_evidence_weights(table_name)[GROUP_OF_JOINT])
 
 
-def _evidence_weights(table_name: str) -> Float:
+def load_evidence_weights(table_name: str) -> Float:
     """Returns (12, 17) weights ordered by :data:`GROUPS` and :data:`evidence.NAMES`."""
     text = files("enliven_edge.assets").joinpath("confidence.json").read_text()
     table = json.loads(text)[table_name]

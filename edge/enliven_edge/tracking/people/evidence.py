@@ -55,7 +55,7 @@ _SURFACE_TOLERANCE_M = 0.07
 It covers clothes and the fit's error."""
 
 
-def _neighbour_averages() -> tuple[Float, Float]:
+def neighbour_averages() -> tuple[Float, Float]:
     """Returns two (20, C) averages over capsules: of a joint's own bone, and of the neighbouring one.
 
     A joint's own bone ends at the joint.
@@ -71,7 +71,7 @@ def _neighbour_averages() -> tuple[Float, Float]:
     return first, second
 
 
-_FIRST, _SECOND = _neighbour_averages()
+_FIRST, _SECOND = neighbour_averages()
 _SKELETON = (model.FRAME_PARENTS, model.PIVOTS)
 _TURNS = (model.MOVES, model.DOF_FRAME, model.DOF_AXIS, model.FRAME_LENGTHS)
 _JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
@@ -143,7 +143,7 @@ def assemble_evidence(
         unsupported: (20,) frames since each joint was last supported.
         joints: (20, 3) metres, the posture's joints.
         seen, spread: (20, 3) and (20,) metres, the network's joints; both empty without a network.
-        first, second: (20, C) from :func:`_neighbour_averages`.
+        first, second: (20, C) from :func:`neighbour_averages`.
     """
     out = np.zeros((len(joints), _COUNT))
     through = violated.mean()

@@ -70,7 +70,7 @@ _HARDLY_SEEN_FRAMES = 3
 """Bodies with fewer frames in which the whole body was visible count as briefly seen."""
 _CERTAIN_PROBABILITY = 0.85
 """Mean probability of being a person who nearly every person exceeds, and hardly any object."""
-_CERTAIN_FRAMES = 10
+CERTAIN_FRAMES = 10
 """Number of frames above ``_CERTAIN_PROBABILITY`` after which a body stays confirmed as a person. The network
 may doubt some of its later postures.
 """
@@ -123,7 +123,7 @@ class Person:
     def is_confirmed(self) -> bool:
         """Returns True if the network clearly classifies this as a person, now or in enough earlier
         frames."""
-        return self._confident_frames >= _CERTAIN_FRAMES or self._person_probability > _CERTAIN_PROBABILITY
+        return self._confident_frames >= CERTAIN_FRAMES or self._person_probability > _CERTAIN_PROBABILITY
 
     @property
     def is_probably_object(self) -> bool:

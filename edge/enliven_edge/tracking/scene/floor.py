@@ -59,7 +59,7 @@ def world_from_floor(
         return None
     pose = raise_world_above_floor(plane[:3], float(plane[3]))
     level = np.ascontiguousarray((points @ pose[:3, :3].T + pose[:3, 3]).T)
-    fitted, _ = _level_plane(level, np.ascontiguousarray(points[:, 2]))
+    fitted, _ = fit_level_plane(level, np.ascontiguousarray(points[:, 2]))
     return _level_mounting(pose, fitted, 1.0)
 
 
@@ -174,7 +174,7 @@ def correct_mounting(world_from_camera: Float, points: Float, usable: Bool, gain
         return world_from_camera
     floor = floor[:: max(1, len(floor) // _FIT_POINTS)]
     ranges = (floor - world_from_camera[:3, 3]) @ world_from_camera[:3, 2]
-    plane, spread = _level_plane(np.ascontiguousarray(floor.T), ranges)
+    plane, spread = fit_level_plane(np.ascontiguousarray(floor.T), ranges)
     if spread < _MIN_SPREAD_M or np.hypot(plane[0], plane[1]) > np.tan(_MAX_TILT):
         return world_from_camera
     return _level_mounting(world_from_camera, plane, gain)
@@ -204,7 +204,7 @@ def _level_mounting(world_from_camera: Float, plane: Float, gain: float) -> Floa
 
 
 @njit(cache=True, nogil=True)
-def _level_plane(points, ranges):
+def fit_level_plane(points, ranges):
     """Fits the plane y = a x + b z + c to the floor's points. Returns its (3,) coefficients and the points'
     spread.
 

@@ -51,7 +51,7 @@ def remove_walls(view: FrameView, mask: Bool, seed: int = 0) -> Bool:
         sampled = np.ascontiguousarray(plan[:2, ::step].T)
         deep = np.ascontiguousarray(plan[2, ::step])
         pairs = random.integers(0, len(sampled), (_TRIALS, 2))
-        line = _best_line(sampled, _plane_tolerance(deep), deep * deep * pixel * step, pairs)
+        line = find_best_line(sampled, _plane_tolerance(deep), deep * deep * pixel * step, pairs)
         is_on_line, coordinates, flat = _points_on_plane(plan, line)
         if not line.any() or flat * pixel < _MIN_WALL_AREA_M2 or not _is_wall(coordinates):
             break
@@ -89,7 +89,7 @@ def _points_on_plane(seen, line):
 
     Args:
         seen: as returned by :func:`_project_to_plan`.
-        line: as returned by :func:`_best_line`.
+        line: as returned by :func:`find_best_line`.
     """
     on, along = np.empty(seen.shape[1], np.bool_), np.empty(seen.shape[1])
     count, squares = 0, 0.0
@@ -123,7 +123,7 @@ def _plane_tolerance(z: Float) -> Float:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _best_line(points, thickness, weight, pairs):
+def find_best_line(points, thickness, weight, pairs):
     """Returns (3,) the line a x + b z + c = 0 through two of the (N, 2) points with the heaviest inliers."""
     best, line = 0.0, np.zeros(3)
     x, z = points[:, 0].copy(), points[:, 1].copy()

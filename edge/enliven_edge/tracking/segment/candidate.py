@@ -145,7 +145,7 @@ class Candidate:
 
         Unions are needed, because raised arms look like separate people from above.
         """
-        return _union_masks(self.pixels, self.parts)
+        return union_masks(self.pixels, self.parts)
 
     def is_unchanged(self, group: LooseGroup, time_ns: int) -> bool:
         """Returns True if the blob is this candidate, unmoved, and looks like a static object.
@@ -262,7 +262,7 @@ class Candidate:
         self._failed_area = self.area
 
 
-def _union_masks(part: Bool, parts: list[Bool]) -> list[Bool]:
+def union_masks(part: Bool, parts: list[Bool]) -> list[Bool]:
     """Returns all parts together, and ``part`` with each other part, the largest first.
 
     The list is empty if there are no other parts.

@@ -191,7 +191,7 @@ def measure_shape(view: FrameView, mask: Bool, area: float, walls: Bool | None =
     pixels = pixels_of(mask)
     free, behind, border, cut = outline_of_pixels(z, mask, pixels)
     points = samples(view.points, pixels, _SHAPE_SAMPLES)
-    thickness, along = _plane_deviation(points)
+    thickness, along = measure_plane_deviation(points)
     ordered = np.sort(points, axis=1)
     wide, tall, deep, crown, head, head_width, fill = _shape_measures(
         points, along, ordered, np.sort(along), _BANDS
@@ -212,7 +212,7 @@ def _spread(ordered, low, high):
 
 
 @njit(cache=True, nogil=True)
-def _plane_deviation(points):
+def measure_plane_deviation(points):
     """Returns the standard deviation of (3, M) points from their best plane, and (M,) coordinates, in metres.
 
     The coordinates are measured from the points' mean along their longest horizontal direction.

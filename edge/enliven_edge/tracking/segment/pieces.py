@@ -273,13 +273,13 @@ def _with_fragments(segments: Segments, main: LooseGroup, bare: Bool, view: Fram
         ]
         part, points = segments.labels[window] == other.label, view.points[window]
         contact = dilate(part, _MAX_TOUCH_PX) & mask[window]
-        if contact.any() and _is_limb_fragment(points[part], points[contact]):
+        if contact.any() and is_limb_fragment(points[part], points[contact]):
             mask = mask.copy() if mask is bare else mask
             mask[window] |= part
     return mask
 
 
-def _is_limb_fragment(part: Float, contact: Float) -> bool:
+def is_limb_fragment(part: Float, contact: Float) -> bool:
     """Returns True if a fragment begins at the contact and ends within an arm's length of it, unlike a wall.
 
     Args:

@@ -41,12 +41,12 @@ def _boxes(ends, radii, reach, camera, pose, shape):
                     z += pose[b, 2] * offset
                 # Find the tangents to the ball around this end, vertically and horizontally.
                 around = radii[k, c, e] + reach
-                first, last = _project_ball_extent(y, z, around)
+                first, last = project_ball_extent(y, z, around)
                 top, bottom = (
                     min(top, camera[1] * first + camera[3]),
                     max(bottom, camera[1] * last + camera[3]),
                 )
-                first, last = _project_ball_extent(x, z, around)
+                first, last = project_ball_extent(x, z, around)
                 left, right = (
                     min(left, camera[0] * first + camera[2]),
                     max(right, camera[0] * last + camera[2]),
@@ -63,7 +63,7 @@ def _boxes(ends, radii, reach, camera, pose, shape):
 
 
 @njit(cache=True, nogil=True)
-def _project_ball_extent(x, z, radius):
+def project_ball_extent(x, z, radius):
     """Returns the minimum and maximum x / z of a ball at (x, z), from its tangents through the sensor.
 
     A ball is wider in the image than its radius divided by its distance.

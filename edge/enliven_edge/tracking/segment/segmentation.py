@@ -117,7 +117,7 @@ def segment_people(
         )
     if count > 1:
         grow_surfaces(owner, distance, view.z)
-    pixels = _candidate_pixels(kind, owner)
+    pixels = find_candidate_pixels(kind, owner)
     labels, groups = label_groups(view.z, pixels, 1.0)
     loose, joined = _classify_groups(_group_measures(view, pixels, labels, groups, owner, count))
     counts = _assign_limbs(owner, labels, pixels, joined, count) if count else np.zeros(0, np.int64)
@@ -163,7 +163,7 @@ def _solid_pixels(z, points, above):
 
 
 @njit(cache=True, nogil=True)
-def _candidate_pixels(kind, owner):
+def find_candidate_pixels(kind, owner):
     """Returns (M,) flat indices, in reading order, of the pixels without an owner that may be a person's."""
     kind, owner = kind.ravel(), owner.ravel()
     mask = np.empty(len(kind), np.bool_)

@@ -42,7 +42,7 @@ def draco_arrays(
         InputError: if the bytes are damaged, or lack an attribute.
         ResourceError: if the decoder is not installed.
     """
-    decoder = _load_decoder("DracoPy", where)
+    decoder = load_decoder("DracoPy", where)
     try:
         mesh = decoder.decode(data)
         arrays_by_id: dict[int, Any] = {
@@ -96,7 +96,7 @@ def meshopt_bytes(data: bytes, packed: Entry, where: str = "") -> bytes:
         ResourceError: if the decoder is not installed.
     """
     size = check_meshopt(packed)
-    decoder = _load_decoder("meshopt", where)
+    decoder = load_decoder("meshopt", where)
     try:
         coding = packed.mode, packed.filter or "NONE"
         decoded = decoder.decode_gltf_buffer(data, packed.count, packed.byteStride, *coding)
@@ -108,7 +108,7 @@ def meshopt_bytes(data: bytes, packed: Entry, where: str = "") -> bytes:
     return unpacked
 
 
-def _load_decoder(module: str, where: str) -> Any:
+def load_decoder(module: str, where: str) -> Any:
     """Returns the library that decodes one kind of compression. Only compressed files load it.
 
     Raises:

@@ -26,7 +26,7 @@ from enliven.scanning.settings import ScanSettings
 
 _MAX_MISSED_IMAGES = 15
 """Number of consecutive images without the object after which it is searched at rest."""
-_MIN_REST_IMAGES = 10
+MIN_REST_IMAGES = 10
 """Number of images of a new rest before the object is first searched in it."""
 _MIN_RESTING_FRACTION = 0.8
 """Minimum fraction of points on the surface in an image that shows the object at rest again."""
@@ -238,7 +238,7 @@ class MovedScanner:
         trial, s = self._trial, self.settings.moved
         if trial is None:
             trial = self._trial = ObjectRest(self.settings)
-            self._search, self._doubts, self._sought = float(_MIN_REST_IMAGES), 0, 0
+            self._search, self._doubts, self._sought = float(MIN_REST_IMAGES), 0, 0
         step = trial.scanner.add(frame, up)
         fits = step.alignment is None or step.alignment.agreeing >= _MIN_RESTING_FRACTION
         self._doubts = 0 if fits and step.state is not ScanState.LOST else self._doubts + 1

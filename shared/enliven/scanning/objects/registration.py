@@ -22,20 +22,20 @@ _GRID_MARGIN_M = 0.3
 """Margin of the grid around the object's surface."""
 _COARSE_POINTS = 300
 """Number of surface points that are aligned from each starting rotation."""
-_START_ROTATIONS = 900
+START_ROTATIONS = 900
 """Number of starting rotations to try; 900 are about 20 degrees apart. Lower it to save time."""
 _MAX_SURFACE_DISTANCE_M = 0.01
 """Maximum distance of a point that counts as on the surface."""
-_REFINED_CANDIDATES = 24
+REFINED_CANDIDATES = 24
 """Number of the best candidate poses that are refined."""
 _FINE_POINTS = 2000
 """Number of surface points for the refinement."""
 _SEEN_THROUGH_PENALTY = 2.0
 """Penalty in the score for a point that the camera saw through, relative to the reward for a point on the
 surface."""
-_MIN_AGREEING_FRACTION = 0.5
+MIN_AGREEING_FRACTION = 0.5
 """Minimum fraction of points on the surface for an accepted pose."""
-_MAX_SEEN_THROUGH_FRACTION = 0.04
+MAX_SEEN_THROUGH_FRACTION = 0.04
 """Maximum fraction of points in space that the camera saw through, for an accepted pose."""
 _MIN_SCORE_LEAD = 0.2
 """Minimum difference between the best and the second-best score for an accepted pose."""
@@ -120,14 +120,14 @@ def register_part(model: ScannedSurface, part: ScannedSurface) -> Registration |
     """
     grid = make_nearest_grid(model.surface, _GRID_CELL_M, _GRID_MARGIN_M)
     coarse_points = part.surface.take_first(_COARSE_POINTS)
-    starts = _start_poses(model.surface, coarse_points, _START_ROTATIONS)
+    starts = _start_poses(model.surface, coarse_points, START_ROTATIONS)
     poses, scores = align_from_starts(grid, coarse_points, starts, _ICP_STEPS, _MAX_SURFACE_DISTANCE_M)
-    best = _find_distinct_poses(poses, scores, _REFINED_CANDIDATES)
+    best = _find_distinct_poses(poses, scores, REFINED_CANDIDATES)
     refinement_points = part.surface.take_first(_FINE_POINTS)
     poses, agreeing = align_from_starts(
         grid, refinement_points, poses[best], _FINE_STEPS, _MAX_SURFACE_DISTANCE_M
     )
-    distinct = _find_distinct_poses(poses, agreeing, _REFINED_CANDIDATES)
+    distinct = _find_distinct_poses(poses, agreeing, REFINED_CANDIDATES)
     poses, agreeing = poses[distinct], agreeing[distinct]
     seen_through_fractions = np.array([_compute_seen_through_fraction(model, part, pose) for pose in poses])
     scores = agreeing - _SEEN_THROUGH_PENALTY * seen_through_fractions
@@ -139,8 +139,8 @@ def register_part(model: ScannedSurface, part: ScannedSurface) -> Registration |
     )
     return (
         registration
-        if registration.agreeing >= _MIN_AGREEING_FRACTION
-        and registration.through <= _MAX_SEEN_THROUGH_FRACTION
+        if registration.agreeing >= MIN_AGREEING_FRACTION
+        and registration.through <= MAX_SEEN_THROUGH_FRACTION
         and margin >= _MIN_SCORE_LEAD
         else None
     )

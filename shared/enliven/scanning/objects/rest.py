@@ -24,9 +24,9 @@ from enliven.scanning.objects.vacated import compute_vacated_fraction
 from enliven.scanning.scanner import Scanner, ScanState, ScanStep
 from enliven.scanning.settings import MIN_OVERLAP_FRACTION, ScanSettings
 
-_MIN_MOVED_DISTANCE_M = 0.015
+MIN_MOVED_DISTANCE_M = 0.015
 """Maximum displacement of the object relative to the floor. Above it, the object counts as moved."""
-_MIN_MOVED_ANGLE_RAD = 0.015
+MIN_MOVED_ANGLE_RAD = 0.015
 """Maximum rotation of the object relative to the floor. Above it, the object counts as moved."""
 
 _COMPARISON_DISTANCE_M = 0.04
@@ -161,8 +161,8 @@ class ObjectRest:
         elif floor is not None:
             floor_change = floor - np.median(self._floors, axis=0)
             is_apart = bool(
-                abs(floor_change[0]) > _MIN_MOVED_DISTANCE_M
-                or np.hypot(floor_change[1], floor_change[2]) > _MIN_MOVED_ANGLE_RAD
+                abs(floor_change[0]) > MIN_MOVED_DISTANCE_M
+                or np.hypot(floor_change[1], floor_change[2]) > MIN_MOVED_ANGLE_RAD
             )
         fit = self.scanner.tracker.evaluate(restrict_view(view, object_pixels), pose)
         is_apart = is_apart or (fit.overlap > MIN_OVERLAP_FRACTION and fit.agreeing < _MIN_SURFACE_FRACTION)

@@ -73,11 +73,11 @@ class PoseNetwork(nn.Module):
         x = self.mixed(relu(waist + condition[:, :, None, None]))
         x = self.up_8(eighth + _upsampling_layer(self.to_8(x)))
         x = self.up_4(quarter + _upsampling_layer(self.to_4(x)))
-        joints, spread = self._read(self.maps(x).flatten(2).float(), told[:, 2:])
+        joints, spread = self.decode_maps(self.maps(x).flatten(2).float(), told[:, 2:])
         parts = self.parts(self.up_2(half + _upsampling_layer(self.to_2(x))))
         return joints, spread, facing, parts
 
-    def _read(self, maps: Tensor, cell: Tensor) -> tuple[Tensor, Tensor]:
+    def decode_maps(self, maps: Tensor, cell: Tensor) -> tuple[Tensor, Tensor]:
         """Decodes (N, 20, 3) joints and (N, 20) uncertainties from the (N, 60, cells) maps."""
         heat = torch.softmax(maps[:, :JOINTS], 2)
         flat = (heat @ self.cells) * cell[:, :, None]

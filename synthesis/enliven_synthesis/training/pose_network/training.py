@@ -134,7 +134,7 @@ def train(
         with torch.autocast(device.type, torch.bfloat16):
             out = network(image, _network_condition(batch))
         optimizer.zero_grad(set_to_none=True)
-        _training_loss(out, batch).solve_backward()
+        training_loss(out, batch).solve_backward()
         torch.nn.utils.clip_grad_norm_(network.parameters(), _MAX_GRADIENT_NORM)
         optimizer.step()
         stepped(step, network)
@@ -211,7 +211,7 @@ def _network_condition(batch: TensorBatch) -> Tensor:
     return torch.stack([angle.cos() * has_facing, angle.sin() * has_facing, batch.cell], 1)
 
 
-def _training_loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: TensorBatch) -> Tensor:
+def training_loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: TensorBatch) -> Tensor:
     """Returns the training loss, a scalar.
 
     It is the sum of likelihood, distance, and cross-entropies of facing and body parts.

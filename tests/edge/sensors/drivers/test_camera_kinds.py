@@ -85,9 +85,9 @@ def test_a_depth_of_little_confidence_or_out_of_reach_is_unknown(played, seed, r
     depth[:32] = random.choice(odd, (32, 96)) + random.choice([-0.5, -0.1, 0.0, 0.5], (32, 96))
     depth, confidence = depth.astype(np.float32), confidence.astype(np.float32)
     with TofSensor(rehearse=played, confidence=least, near=reach[0], far=reach[1]) as sensor:
-        trusted = sensor._filter_depth(depth, confidence)
+        trusted = sensor.filter_depth(depth, confidence)
         with pytest.raises(InputError, match="shapes"):
-            sensor._filter_depth(depth[1:], confidence)
+            sensor.filter_depth(depth[1:], confidence)
     low, high = 1000 * reach[0], 1000 * reach[1] or 65535
     for actual, exact, sure in zip(trusted.ravel(), depth.ravel(), confidence.ravel(), strict=True):
         rounded = np.rint(exact)

@@ -39,7 +39,7 @@ def test_orbbec_knows_its_ways_of_keeping_time():
     needs("orbbec")
     from pyorbbecsdk import OBMultiDeviceSyncMode
 
-    assert all(hasattr(OBMultiDeviceSyncMode, word.upper()) for word in orbbec._SYNC_MODES)
+    assert all(hasattr(OBMultiDeviceSyncMode, word.upper()) for word in orbbec.SYNC_MODES)
 
 
 BENT = (17.7, 12.3, 0.68, 18.0, 16.9, 3.6, 0.0001, -0.0002)
@@ -52,7 +52,7 @@ def bent_stream(lens: Intrinsics, fps: int) -> bytes:
     return straight[: -8 * 4 - 1] + struct.pack("<8fB", *BENT, 4)
 
 
-playback_stream = playback._stream_message
+playback_stream = playback.make_stream_message
 
 
 def test_orbbecs_library_and_the_import_straighten_alike(take, tmp_path, monkeypatch):
@@ -60,7 +60,7 @@ def test_orbbecs_library_and_the_import_straighten_alike(take, tmp_path, monkeyp
     differently.
     """
     needs("orbbec")
-    monkeypatch.setattr(playback, "_stream_message", bent_stream)
+    monkeypatch.setattr(playback, "make_stream_message", bent_stream)
     write_playback(take, tmp_path / "bent.bag")
     imported = {frame.sequence: frame for frame in BagReader().read([tmp_path / "bent.bag"])}
     with open_sensor("orbbec", rehearse=str(tmp_path / "bent.bag")) as sensor:
@@ -74,7 +74,7 @@ def test_orbbecs_library_and_the_import_straighten_alike(take, tmp_path, monkeyp
 
 def test_old_playback_is_refused_before_the_library_hangs(take, tmp_path, monkeypatch):
     needs("orbbec")
-    monkeypatch.setattr(playback, "_FILE_VERSION", 1.0)
+    monkeypatch.setattr(playback, "FILE_VERSION", 1.0)
     write_playback(take, tmp_path / "old.bag")
     with pytest.raises(InputError, match="only version 2 is supported"):
         open_reopening(sensor_opener("orbbec", rehearse=str(tmp_path / "old.bag")))
@@ -91,14 +91,14 @@ def felt(time_us: int, number: int) -> bytes:
     unknown, reading = struct.pack("<4d9d3d9d", *(0.0,) * 25), struct.pack("<4f", *ACCELERATION, 36.5)
     own = struct.pack("<IQfQQQ", len(reading), number, 36.5, time_us, time_us, time_us)
     moved = struct.pack("<3d9d", *ACCELERATION, *(0.0,) * 9)
-    return playback._ros_header(time_us) + unknown + moved + playback._with_size(reading) + own
+    return playback.make_ros_header(time_us) + unknown + moved + playback.prefix_size(reading) + own
 
 
 def accelerometer() -> bytes:
     """Returns ``custom_msg/OBImuStreamProfileInfo``: 4 g, 100 readings per second."""
     stands = struct.pack("<9f3f", *TURN.ravel(), 0.0, 0.0, 0.0)
     return (
-        playback._ros_header()
+        playback.make_ros_header()
         + struct.pack("<6B", 4, 16, 2, 7, 0, 0)
         + stands
         + struct.pack("<27d", *(0.0,) * 27)
@@ -110,10 +110,10 @@ def test_gravity_comes_from_the_accelerometer_in_the_cameras_frame(tmp_path, mon
     needs("orbbec")
     more = {
         "felt": ("/cam/sensor_4/frameType_4", "sensor_msgs/Imu", "6a62c6daae103f4ff57a132d6f95cec2"),
-        "stands": ("/cam/streamProfileType_4", "custom_msg/OBImuStreamProfileInfo", playback._MADE_UP),
+        "stands": ("/cam/streamProfileType_4", "custom_msg/OBImuStreamProfileInfo", playback.ANY_CHECKSUM),
     }
-    monkeypatch.setattr(playback, "_TOPICS", playback._TOPICS | more)
-    write_bag = playback._Bag.write
+    monkeypatch.setattr(playback, "TOPICS", playback.TOPICS | more)
+    write_bag = playback.PlaybackBag.write
 
     def write(bag, messages):
         kind, time_us, _ = messages[0]
@@ -123,7 +123,7 @@ def test_gravity_comes_from_the_accelerometer_in_the_cameras_frame(tmp_path, mon
             messages = [*messages, ("stands", time_us, accelerometer())]
         write_bag(bag, messages)
 
-    monkeypatch.setattr(playback._Bag, "write", write)
+    monkeypatch.setattr(playback.PlaybackBag, "write", write)
     with Recorder(tmp_path / "take.mcap") as recorder:
         for number in range(40):
             frame = DepthFrame(picture(number, 96, 64), camera(96, 64, 80.25), number * 10**8, "test")
@@ -153,7 +153,7 @@ def test_orbbecs_library_and_the_import_take_the_same_steps(
     (24).
     """
     needs("orbbec")
-    write_bag = playback._Bag.write
+    write_bag = playback.PlaybackBag.write
 
     def write(bag, messages):
         if messages[0][0] != "image":
@@ -164,12 +164,12 @@ def test_orbbecs_library_and_the_import_take_the_same_steps(
                 number: value,
             }
             messages = messages + [
-                ("property", 1_000_000, playback._property_message(*each)) for each in about.items()
+                ("property", 1_000_000, playback.make_property_message(*each)) for each in about.items()
             ]
         write_bag(bag, messages)
 
-    monkeypatch.setattr(playback._Bag, "write", write)
-    monkeypatch.setattr(playback, "_CAMERA", (0x2BC5, product, name))
+    monkeypatch.setattr(playback.PlaybackBag, "write", write)
+    monkeypatch.setattr(playback, "CLAIMED_CAMERA", (0x2BC5, product, name))
     write_playback(take, tmp_path / "steps.bag")
     imported = {frame.sequence: frame for frame in BagReader().read([tmp_path / "steps.bag"])}
     with open_sensor("orbbec", rehearse=str(tmp_path / "steps.bag")) as sensor:

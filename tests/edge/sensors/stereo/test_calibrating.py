@@ -20,7 +20,7 @@ from enliven_edge.sensors.stereo.board import CalibrationBoard
 from enliven_edge.sensors.stereo.calibration import load_calibration
 from enliven_edge.sensors.stereo.calibration_quality import PairSelector, rate_solution
 from enliven_edge.sensors.stereo.rectification import Rectification
-from enliven_edge.sensors.stereo.stereo_solver import MIN_PAIRS, BoardSighting, _rectify_points, solve
+from enliven_edge.sensors.stereo.stereo_solver import MIN_PAIRS, BoardSighting, rectify_points, solve
 
 BOARD = CalibrationBoard()
 WIDTH, HEIGHT = 320, 200
@@ -189,7 +189,7 @@ def test_reported_disparity_error_covers_the_true_error(seed, noise):
     rectification = Rectification(solution.calibration)
     across, down = np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-0.6, 0.6, 7))
     points = np.stack([across, down, np.full_like(across, 2.0)], -1).reshape(-1, 3)
-    left, right = _rectify_points(
+    left, right = rectify_points(
         rectification, solution.calibration, *(lens.pixels(points) for lens in lenses)
     )
     focal_baseline = rectification.intrinsics.fx * rectification.baseline

@@ -144,7 +144,7 @@ def test_images_of_another_size_are_refused():
 @given(st.floats(-3, 3), st.floats(0.0, 1.5), st.floats(0.04, 0.4), st.integers(0, 99))
 def test_rectified_cameras_see_every_point_in_one_row(crooked, bent, baseline, seed):
     """The column difference equals the disparity of the depth; over random rigs and points."""
-    from enliven_edge.sensors.stereo.stereo_solver import _rectify_points
+    from enliven_edge.sensors.stereo.stereo_solver import rectify_points
 
     lenses = create_lenses(baseline=baseline, crooked=crooked, bent=bent)
     calibration = calibration_of(*lenses)
@@ -154,7 +154,7 @@ def test_rectified_cameras_see_every_point_in_one_row(crooked, bent, baseline, s
     points = np.stack(
         [random.uniform(-0.5, 0.5, 200) * depth, random.uniform(-0.3, 0.3, 200) * depth, depth], -1
     )
-    left, right = _rectify_points(rectification, calibration, *(lens.pixels(points) for lens in lenses))
+    left, right = rectify_points(rectification, calibration, *(lens.pixels(points) for lens in lenses))
     assert np.abs(left[:, 1] - right[:, 1]).max() < 0.02
     camera = rectification.intrinsics
     true = camera.fx * rectification.baseline / (points @ rectification.rotations[0].T)[:, 2]

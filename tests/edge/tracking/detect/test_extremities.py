@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from enliven.camera import world_from_level_camera
 from enliven.person.joints import Joint
-from enliven_edge.tracking.detect.extremities import _DEPTH_EDGE_COST_M, extend_distances, find_extremities
+from enliven_edge.tracking.detect.extremities import DEPTH_EDGE_COST_M, extend_distances, find_extremities
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.training.body_poses import random_figure
 from enliven_synthesis.training.rendering import PersonRenderer
@@ -29,7 +29,7 @@ def slow_distances(points: np.ndarray, z: np.ndarray, mask: np.ndarray, step: in
                         jump = abs(z[q, p] - z[v, u]) > step * (0.02 + 0.008 * z[v, u] ** 2)
                         rows.append(v * width + u)
                         columns.append(q * width + p)
-                        costs.append(cost + _DEPTH_EDGE_COST_M * jump)
+                        costs.append(cost + DEPTH_EDGE_COST_M * jump)
     graph = csr_matrix((costs, (rows, columns)), (height * width, height * width))
     return dijkstra(graph, indices=source).reshape(height, width)
 

@@ -13,7 +13,7 @@ from enliven_edge.tracking.body_model.posture import (
     rotation,
 )
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints, compute_facing_score, flip_posture
-from enliven_edge.tracking.detect.fit_quality import Facing, _advantage, leaning_backward
+from enliven_edge.tracking.detect.fit_quality import Facing, facing_advantage, leaning_backward
 
 
 def forward_in_plan(posture):
@@ -144,5 +144,5 @@ def test_a_frames_evidence_is_the_difference_to_the_posture_turned_about(seed):
     slow += 4.5 * plainly * (velocity[[0, 2]] / speed) @ forward_in_plan(posture)
     slow += 15.0 * (leaning_backward(turned.rotations) - leaning_backward(posture.rotations))
     ways = sighting.estimate.facing
-    advantage = _advantage(posture.rotations, posture.position, EYE, velocity, ways)
+    advantage = facing_advantage(posture.rotations, posture.position, EYE, velocity, ways)
     assert advantage == pytest.approx(slow, abs=1e-9)

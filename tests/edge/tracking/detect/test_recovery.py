@@ -131,12 +131,12 @@ def test_thinning_keeps_the_landmarks(step):
     assert view is observation.view and landmarks is thin.landmarks
 
 
-@pytest.mark.parametrize(("loses", "kept"), [(1.0, False), (recovery._MAX_UNEXPLAINED, True)])
+@pytest.mark.parametrize(("loses", "kept"), [(1.0, False), (recovery.MAX_UNEXPLAINED, True)])
 def test_recovery_keeps_observed_limb_against_the_network(loses, kept, monkeypatch):
     """The network is certain of a hanging arm, which therefore has a lower energy. But points stay
     unexplained.
     """
-    monkeypatch.setattr(recovery, "_MAX_UNEXPLAINED", loses)
+    monkeypatch.setattr(recovery, "MAX_UNEXPLAINED", loses)
     observation, fitter = observed(arm_out()), Fitter(FitSettings(landmarks=3.0))
     posture, report = fitter.fit(observation, arm_out())
     sighting = seen_of(standing(), observation)

@@ -10,7 +10,13 @@ from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.kinematics import turn
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.detect.hypotheses import BANK
-from enliven_edge.tracking.fit.alignment import _LIMITS, _REST_WEIGHTS, _SKELETON, _normal_equations, align
+from enliven_edge.tracking.fit.alignment import (
+    POSTURE_LIMITS,
+    REST_WEIGHTS,
+    SKELETON,
+    align,
+    write_normal_equations,
+)
 
 LENGTHS = model.lengths_for_height(1.7)
 ANCHORS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
@@ -63,9 +69,9 @@ def test_the_gradient_is_that_of_the_energy():
         turn(rotations, step[3:], model.DOF_FRAME, model.DOF_AXIS)
         # The width is too large to reject anything. Only then does iterated least squares have the energy's
         # gradient.
-        return _normal_equations(
+        return write_normal_equations(
             np.zeros((30, 30)), gradient, posture.position + step[:3], rotations, LENGTHS, wanted, 1e3,
-            _SKELETON, _LIMITS,
+            SKELETON, POSTURE_LIMITS,
         )  # fmt: skip
 
     gradient, unused = np.zeros(30), np.zeros(30)
@@ -75,5 +81,5 @@ def test_the_gradient_is_that_of_the_energy():
         step[k] = 1e-5
         slope = (energy(step, unused) - energy(-step, unused)) / 2e-5
         # For a large rotation of the joint, the logarithm's derivative is only approximately one.
-        free = k < 3 or _REST_WEIGHTS[model.DOF_FRAME[k - 3]] == 0.0
+        free = k < 3 or REST_WEIGHTS[model.DOF_FRAME[k - 3]] == 0.0
         assert 2 * gradient[k] == pytest.approx(slope, rel=0.02 if free else 0.3, abs=6.0), k

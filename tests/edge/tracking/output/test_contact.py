@@ -89,7 +89,7 @@ class _Slowly:
         self.last, self.time_ns = None, 0
 
     def __call__(self, joints, confidence, time_ns):
-        floor, lift, fastest, hysteresis = contact._LIMITS
+        floor, lift, fastest, hysteresis = contact.STANDING_LIMITS
         points = np.array([[15, 14], [19, 18]])
         places, highest = joints[points], floor + np.array([0.0, 0.06])
         height, seconds, self.time_ns = places[..., 1], (time_ns - self.time_ns) * 1e-9, time_ns

@@ -56,7 +56,7 @@ def test_places_are_filtered_as_in_the_paper(seed, amount):
     for value in values[1:]:
         velocity = velocity + alpha(1.0) * ((value - place) / (STEP * 1e-9) - velocity)
         speed = np.linalg.norm(velocity, axis=1, keepdims=True)
-        place = place + alpha((smoothing._REST_CUTOFF_HZ + smoothing._CUTOFF_PER_SPEED * speed) / amount) * (
+        place = place + alpha((smoothing.REST_CUTOFF_HZ + smoothing.CUTOFF_PER_SPEED * speed) / amount) * (
             value - place
         )
         smoothed.append(place)
@@ -144,7 +144,7 @@ def test_a_step_of_the_filter_is_that_of_the_plain_formulas():
         step = to_rotation_vector(multiply(conjugate(state), raw))
         velocity = velocity + (step / seconds - velocity) / (1 + 1 / (2 * np.pi * 1.0 * seconds))
         speed = np.linalg.norm(velocity, axis=1, keepdims=True)
-        cutoff = (smoothing._REST_CUTOFF_HZ + smoothing._CUTOFF_PER_TURN * speed) / amount
+        cutoff = (smoothing.REST_CUTOFF_HZ + smoothing.CUTOFF_PER_TURN * speed) / amount
         state = multiply(state, from_rotation_vector(step / (1 + 1 / (2 * np.pi * cutoff * seconds))))
         expected.append(state)
     np.testing.assert_allclose(to_matrix(turned(amount, values)), to_matrix(np.stack(expected)), atol=1e-9)

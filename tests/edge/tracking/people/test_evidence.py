@@ -18,8 +18,8 @@ from enliven_edge.tracking.people.confidence import (
     ALONE,
     GROUP_OF_JOINT,
     WITH_NETWORK,
-    _evidence_weights,
     joint_confidences,
+    load_evidence_weights,
 )
 from enliven_edge.tracking.people.evidence import NAMES
 from enliven_edge.tracking.settings import FitSettings
@@ -48,7 +48,8 @@ def test_joints_behind_board_are_occluded_and_beyond_image_are_outside():
 def looseness(posture, information):
     """Returns (20,) the uncertainty of each joint, from how weakly the fit constrains it."""
     state = (posture.position, posture.rotations, posture.lengths)
-    body = (*of_joints._SKELETON, of_joints._TURNS, *of_joints._JOINTS)
+    turns = (model.MOVES, model.DOF_FRAME, model.DOF_AXIS, model.FRAME_LENGTHS)
+    body = (model.FRAME_PARENTS, model.PIVOTS, turns, model.JOINT_FRAMES, model.JOINT_OFFSETS)
     return of_joints.joint_uncertainty(information, *state, *body)[1]
 
 
@@ -130,7 +131,7 @@ def test_gathered_evidence_matches_the_slow_reference(seed, alone):
         random.normal(size=(20, 3)),
         random.uniform(0, 1, 20),
     )
-    first, second = of_joints._neighbour_averages()
+    first, second = of_joints.neighbour_averages()
     of_network = np.zeros((20, 2))
     if not alone:
         distances = np.linalg.norm(joints - network_joints, axis=1)
@@ -172,7 +173,7 @@ def test_a_capsule_is_believed_by_its_share_of_the_points(seed):
 def test_confidence_is_the_logistic_regression_of_the_joints_group(seed, alone):
     evidence = np.random.default_rng(seed).normal(0, 3, (20, len(NAMES)))
     evidence[:, NAMES.index("outside")] = np.random.default_rng(seed).choice([0.5, 0.98, 1.0], 20)
-    table = _evidence_weights(ALONE if alone else WITH_NETWORK)
+    table = load_evidence_weights(ALONE if alone else WITH_NETWORK)
     likely = [
         1 / (1 + np.exp(-(row @ table[group]))) for row, group in zip(evidence, GROUP_OF_JOINT, strict=True)
     ]

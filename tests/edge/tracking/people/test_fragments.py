@@ -20,7 +20,7 @@ from enliven_edge.tracking.people.reidentification import BodyMeasurements
 from enliven_edge.tracking.scene.background_kernels import UNSEEN
 from enliven_edge.tracking.scene.background_model import BackgroundModel
 from enliven_edge.tracking.segment.candidate import MAX_YOUNG_AGE_S
-from enliven_edge.tracking.segment.pieces import _is_limb_fragment
+from enliven_edge.tracking.segment.pieces import is_limb_fragment
 from enliven_edge.tracking.segment.segmentation import segment_people
 from enliven_edge.tracking.settings import TrackerSettings
 
@@ -90,4 +90,4 @@ def test_a_fragment_reaches_as_its_median_and_percentile_say(seed):
     gap = abs(np.median(part[:, 2]) - np.median(contact[:, 2]))
     away = np.percentile(np.linalg.norm(part - contact.mean(0), axis=1), 90)
     assume(abs(gap - 0.6) > 1e-9 and abs(away - 0.8) > 1e-9)
-    assert _is_limb_fragment(part, contact) == (gap < 0.6 and away < 0.8)
+    assert is_limb_fragment(part, contact) == (gap < 0.6 and away < 0.8)

@@ -23,7 +23,7 @@ from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.people.reidentification import BodyMeasurements
 from enliven_edge.tracking.people.search import ScoredDetection, Search
 from enliven_edge.tracking.scene.background_kernels import FOREGROUND, UNLIKELY
-from enliven_edge.tracking.segment.candidate import Candidate, _union_masks, measure_blob
+from enliven_edge.tracking.segment.candidate import Candidate, measure_blob, union_masks
 from enliven_edge.tracking.segment.person_shape import measure_shape
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import run_to_end
@@ -111,14 +111,14 @@ def test_unions_are_all_parts_then_pairs_the_largest_first(count, seed):
     whose = random.integers(-1, count, (8, 8))
     parts = [whose == k for k in range(count)]
     part = parts[seed % count]
-    unions = _union_masks(part, parts)
+    unions = union_masks(part, parts)
     assert len(unions) == (0 if count == 1 else 1 if count == 2 else count)
     sizes = [int(union.sum()) for union in unions[1:]]
     assert sizes == sorted(sizes, reverse=True)
     assert all((union | ~part).all() for union in unions)
     if unions:
         np.testing.assert_array_equal(unions[0], whose >= 0)
-    assert _union_masks(part.copy(), parts) == [], "of what is none of the parts"
+    assert union_masks(part.copy(), parts) == [], "of what is none of the parts"
 
 
 def test_no_person_is_guessed_high_on_a_wall(scene, monkeypatch):
@@ -174,7 +174,7 @@ def test_long_confirmed_person_stays_a_person(plain_frames, vague, scene):
     """The network may reject later postures. A blob that it never accepted is dropped."""
     someone = seen_by_network(scene, [0.95] * plain_frames + [0.1] * 30)
     assert someone.is_probably_object == vague
-    assert person._CERTAIN_FRAMES == 10
+    assert person.CERTAIN_FRAMES == 10
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def test_blob_never_confirmed_as_person_is_dropped_even_if_moving(plain_frames, 
     someone = seen_by_network(scene, [0.95] * plain_frames + [later] * frames, good=True)
     someone.has_moved = someone.has_person_outline = True
     assert someone.is_probably_object == vague
-    assert someone.is_confirmed == (plain_frames >= person._CERTAIN_FRAMES)
+    assert someone.is_confirmed == (plain_frames >= person.CERTAIN_FRAMES)
 
 
 def test_network_is_queried_only_if_useful(scene):

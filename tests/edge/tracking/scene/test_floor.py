@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from enliven.camera import world_from_level_camera
 from enliven_edge.tracking.body_model.posture import rotation
-from enliven_edge.tracking.scene.floor import _level_plane, correct_mounting, world_from_floor
+from enliven_edge.tracking.scene.floor import correct_mounting, fit_level_plane, world_from_floor
 
 GAIN = 0.3
 
@@ -42,7 +42,7 @@ def plane_slowly(points, ranges):
 def test_the_plane_is_that_of_least_squares(seed):
     points, usable, _ = seen_floor(seed)
     floor = np.ascontiguousarray(points[usable].T)
-    plane, spread = _level_plane(floor, -floor[2])
+    plane, spread = fit_level_plane(floor, -floor[2])
     assert spread > 0.3
     np.testing.assert_allclose(plane, plane_slowly(floor, -floor[2]), atol=1e-9)
 

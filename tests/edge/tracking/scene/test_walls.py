@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
-from enliven_edge.tracking.scene.walls import _best_line, remove_walls
+from enliven_edge.tracking.scene.walls import find_best_line, remove_walls
 
 CAMERA = WorkingCamera(Intrinsics(160, 120, 130, 130, 79.5, 59.5), 160)
 MOUNT = world_from_level_camera(1.2)
@@ -48,7 +48,7 @@ def obvious_rest(view, mask):
         step = max(1, len(z) // 1500)
         some, deep = flat[::step].copy(), z[::step].copy()
         pairs = random.integers(0, len(some), (150, 2))
-        line = _best_line(some, 0.03 + 0.006 * deep**2, deep**2 * pixel * step, pairs)
+        line = find_best_line(some, 0.03 + 0.006 * deep**2, deep**2 * pixel * step, pairs)
         on = np.abs(flat @ line[:2] + line[2]) < 0.03 + 0.006 * z**2
         along = flat[on] @ np.array([-line[1], line[0]])
         low, high = np.percentile(along, [2, 98]) if on.any() else (0.0, 0.0)
@@ -87,4 +87,4 @@ def test_the_best_line_is_the_best_of_all_pairs():
         if np.linalg.norm(along) >= 0.3:
             normal = np.array([-along[1], along[0]]) / np.linalg.norm(along)
             lines.append(np.append(normal, -normal @ p))
-    assert np.isclose(worth(_best_line(points, thickness, weight, pairs)), max(map(worth, lines)))
+    assert np.isclose(worth(find_best_line(points, thickness, weight, pairs)), max(map(worth, lines)))

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.masks import pixels_of
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
-from enliven_edge.tracking.segment.person_shape import _plane_deviation, measure_shape
+from enliven_edge.tracking.segment.person_shape import measure_plane_deviation, measure_shape
 from enliven_edge.tracking.segment.pieces import split_people
 from enliven_edge.tracking.segment.shape_kernels import outline_of_pixels
 
@@ -154,7 +154,7 @@ def test_the_outline_is_that_of_the_obvious_walk(seed):
 def test_the_best_plane_and_the_longest_way_are_lapacks(seed):
     random = np.random.default_rng(seed)
     points = random.standard_normal((3, 3)) * random.uniform(0.01, 1.0, 3) @ random.standard_normal((3, 60))
-    thickness, along = _plane_deviation(points)
+    thickness, along = measure_plane_deviation(points)
     centred = points - points.mean(1, keepdims=True)
     covariance = centred @ centred.T / 60
     assert thickness == pytest.approx(np.sqrt(np.linalg.eigvalsh(covariance)[0]), abs=1e-6)
@@ -163,7 +163,7 @@ def test_the_best_plane_and_the_longest_way_are_lapacks(seed):
 
 
 def test_points_in_one_place_have_no_thickness():
-    thickness, along = _plane_deviation(np.ones((3, 5)))
+    thickness, along = measure_plane_deviation(np.ones((3, 5)))
     assert thickness == 0.0
     assert not along.any()
 

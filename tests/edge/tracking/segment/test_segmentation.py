@@ -13,11 +13,11 @@ from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.scene.background_kernels import BACKGROUND, UNLIKELY, UNSEEN
-from enliven_edge.tracking.segment.pixel_labels import _project_ball_extent, image_boxes, label_pixels
+from enliven_edge.tracking.segment.pixel_labels import image_boxes, label_pixels, project_ball_extent
 from enliven_edge.tracking.segment.segmentation import (
     MIN_GROUP_AREA_M2,
     REACH,
-    _candidate_pixels,
+    find_candidate_pixels,
     label_groups,
     segment_people,
 )
@@ -148,7 +148,7 @@ def test_person_without_pixels_has_an_empty_box():
 def test_loose_groups_match_a_flood_fill(seed):
     mask = np.random.default_rng(seed).random((30, 40)) < 0.5
     kind, nobody = np.where(mask, UNSEEN, 0).astype(np.uint8), np.full((30, 40), -1)
-    labels, count = label_groups(np.ones((30, 40)), _candidate_pixels(kind, nobody), 1.0)
+    labels, count = label_groups(np.ones((30, 40)), find_candidate_pixels(kind, nobody), 1.0)
     expected, expected_count = ndimage.label(mask)
     assert count == expected_count
     np.testing.assert_array_equal(labels, expected)
@@ -158,7 +158,7 @@ def test_a_step_in_depth_parts_two_groups():
     z = np.ones((10, 10))
     z[:, 5:] = 2.0
     kind, nobody = np.full((10, 10), UNSEEN, np.uint8), np.full((10, 10), -1)
-    assert label_groups(z, _candidate_pixels(kind, nobody), 1.0)[1] == 2
+    assert label_groups(z, find_candidate_pixels(kind, nobody), 1.0)[1] == 2
 
 
 def contacts_slowly(view, owner, group, people):
@@ -237,7 +237,7 @@ def test_a_ball_is_seen_between_its_tangents(seed, x, z, radius):
     turn = dice.uniform(0, 2 * np.pi, 4000)
     across, along = x + radius * np.cos(turn), z + radius * np.sin(turn)
     slopes = (across / along)[along > 1e-3]
-    least, most = _project_ball_extent(x, z, radius)
+    least, most = project_ball_extent(x, z, radius)
     assert (slopes >= least - 1e-6).all() and (slopes <= most + 1e-6).all()
     if z > 1.0 and abs(x) < z:
         assert slopes.min() < least + 0.01 and slopes.max() > most - 0.01
