@@ -22,8 +22,8 @@ Private interfaces of Numba that are used, all in this package and in ``kernels.
 - ``cpu_target._toplevel_target_context``: exists if Numba has already chosen its processor level.
 - ``numba.core.extending._Intrinsic._defn``: the function behind an intrinsic, for the fingerprint.
 - ``target_extension.dispatcher_registry``: the class of compiled functions, which
-  :mod:`~enliven.kernel_cache.callees` replaces. This module overrides or uses ``Dispatcher.add_overload``, the
-  flags ``no_compile`` and ``no_cpython_wrapper``, ``JITCPUCodegen._library_class`` and
+  :mod:`~enliven.kernel_cache.callees` replaces. This module also uses ``Dispatcher.add_overload``, the flags
+  ``no_compile`` and ``no_cpython_wrapper``, ``JITCPUCodegen._library_class`` and
   ``CPUCodeLibrary._optimize_final_module``.
 - ``njit(no_cfunc_wrapper=True)``: an undocumented option that skips an entry point for C.
 
