@@ -3,8 +3,8 @@
 When Numba compiles a kernel, it compiles each function that the kernel calls like a kernel of its own: with a
 wrapper that unpacks Python objects, with all optimisations, and to machine code. But a kernel includes the
 LLVM code of its callees, so none of this is used. Here, a callee stays LLVM code, which is optimised once,
-inside the kernel. If Python calls the function later, it is compiled in full. For the kernels of an edge, this
-saves a quarter of the compiler's processor time.
+inside the kernel. If Python calls the function later, it is compiled in full. For the kernels of an edge,
+this saves a quarter of the compiler's processor time.
 
 The results do not change: LLVM does not reorder floating-point operations unless a kernel allows it
 (``fastmath``).
