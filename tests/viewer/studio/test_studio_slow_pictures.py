@@ -135,8 +135,8 @@ def test_texture_is_white_until_decoded_in_the_background(gl, monkeypatch, besid
     if beside:
         from enliven_viewer.render.materials import textures as decoding
 
-        plain = decoding._decode_pixels
-        monkeypatch.setattr(decoding, "_decode_pixels", lambda *told: goes_on.wait(20.0) and plain(*told))
+        plain = decoding.decode_pixels
+        monkeypatch.setattr(decoding, "decode_pixels", lambda *told: goes_on.wait(20.0) and plain(*told))
     held = textures.acquire_texture(source, "base")
     if beside:
         textures.upload_decoded()

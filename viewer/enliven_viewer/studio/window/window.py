@@ -122,7 +122,7 @@ class StudioWindow:
         calls.post_init = self._start
         calls.custom_background = self._draw_picture
         calls.show_gui = self._draw_gui
-        calls.confirm_exit = self._confirm_close
+        calls.confirm_exit = self.confirm_close
         if register_tests is not None:
             runner.use_imgui_test_engine = True
             calls.register_tests = register_tests
@@ -171,7 +171,7 @@ class StudioWindow:
         """Closes the window after this frame."""
         hello_imgui.get_runner_params().app_shall_exit = True
 
-    def _confirm_close(self) -> bool:
+    def confirm_close(self) -> bool:
         """Returns True if the window's close button may close it.
 
         With unsaved work, a dialogue opens instead.
