@@ -35,7 +35,7 @@ def wave() -> Clip:
     def bends(phase: float) -> list[Float]:
         return [_SIDE * (0.10 + 0.09 * k) * math.sin(2 * math.pi * (phase - 0.16 * k)) for k in range(6)]
 
-    return _make_clip("wave", _make_chain(6, 0.2), 2.0, bends)
+    return make_clip("wave", make_chain(6, 0.2), 2.0, bends)
 
 
 def curl() -> Clip:
@@ -45,7 +45,7 @@ def curl() -> Clip:
         rolled = 0.5 - 0.5 * math.cos(2 * math.pi * phase)
         return [-_SIDE * rolled * (0.12 + 0.12 * k) for k in range(5)]
 
-    return _make_clip("curl", _make_chain(5, 0.2), 2.4, bends)
+    return make_clip("curl", make_chain(5, 0.2), 2.4, bends)
 
 
 def reach() -> Clip:
@@ -56,7 +56,7 @@ def reach() -> Clip:
         shut = _compute_bump(phase, 0.36, 0.52, 0.95)
         return [_SIDE * (-0.75 * out), _SIDE * (1.15 * out - 0.5 * shut), _SIDE * (-0.7 * out + 1.2 * shut)]
 
-    return _make_clip("reach", _make_chain(3, 0.32), 1.8, bends)
+    return make_clip("reach", make_chain(3, 0.32), 1.8, bends)
 
 
 def walk() -> Clip:
@@ -67,7 +67,7 @@ def walk() -> Clip:
         lifted = max(0.0, math.cos(2 * math.pi * phase)) ** 1.5
         return [_FORTH * (-0.42 * swing), _FORTH * (0.85 * lifted), _FORTH * (-0.35 * lifted + 0.12 * swing)]
 
-    return _make_clip("walk", _make_chain(3, -0.3), 1.2, bends)
+    return make_clip("walk", make_chain(3, -0.3), 1.2, bends)
 
 
 def sway() -> Clip:
@@ -78,7 +78,7 @@ def sway() -> Clip:
         breath = math.sin(4 * math.pi * phase)
         return [0.10 * lean * _SIDE + 0.04 * breath * _FORTH] * 2 + [-0.12 * lean * _SIDE]
 
-    return _make_clip("sway", _make_chain(3, 0.25), 3.0, bends)
+    return make_clip("sway", make_chain(3, 0.25), 3.0, bends)
 
 
 def quarter_turn() -> Clip:
@@ -91,13 +91,13 @@ def quarter_turn() -> Clip:
         eased = phase * phase * (3 - 2 * phase)
         return [_SIDE * (math.pi / 2 * eased)]
 
-    return _make_clip("quarter turn", _make_chain(1, 1.0), 1.0, bends)
+    return make_clip("quarter turn", make_chain(1, 1.0), 1.0, bends)
 
 
 _MAKERS = (wave, curl, reach, walk, sway, quarter_turn)
 
 
-def _make_chain(bones: int, length: float) -> Skeleton:
+def make_chain(bones: int, length: float) -> Skeleton:
     """Returns a vertical chain of joints.
 
     ``length`` is metres per bone. If it is negative, the chain hangs down.
@@ -109,7 +109,7 @@ def _make_chain(bones: int, length: float) -> Skeleton:
     return Skeleton(names, np.arange(-1, bones, dtype=np.int32), places)
 
 
-def _make_clip(name: str, skeleton: Skeleton, seconds: float, bends: Bends) -> Clip:
+def make_clip(name: str, skeleton: Skeleton, seconds: float, bends: Bends) -> Clip:
     """Returns a clip of a chain from the rotations of its bones, each in the axes of its parent bone."""
     frames = round(seconds / STEP) + 1
     bent = from_rotation_vector(np.array([bends(frame / (frames - 1)) for frame in range(frames)]))

@@ -95,7 +95,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
 
     def drag_the_top(area: Area) -> None:
         """Drags the dot at the top of the box down, less far if a slow machine has made only a small box."""
-        dots = np.array([scan.box._find_handle(end, 1) for end in (1, 0)])
+        dots = np.array([scan.box.find_handle(end, 1) for end in (1, 0)])
         (x, y), (_, bottom) = editor.lens.project_visible(dots)
         ctx.mouse_move_to_pos(ImVec2(area.x + x, area.y + y))
         ctx.mouse_down(0)

@@ -46,7 +46,7 @@ def main() -> None:
             for number in range(half, half + MANY // 2):
                 move(2 * math.pi * (number + 1) / MANY)
         elif window.pictures == 11:
-            drawn.append(np.array(workspace.input.tool._stroke))
+            drawn.append(np.array(workspace.input.tool.take_points()))
             workspace.store.forget()
             window.close()
 

@@ -176,13 +176,13 @@ def close(ctx, window, press, until, shot, folder: Path) -> None:
     recording.toggle()
     until(lambda: recording.phase == "recording" and recording.recorder.seconds > 0.5, "another recording")
     report["title"] = workspace.store.title
-    assert not window._confirm_close()
+    assert not window.confirm_close()
     ctx.yield_(3)
     report["asks"] = [workspace.asking, recording.phase]
     shot("closing")
     press("dialog Cancel", HELD)
     report["goes on"] = [workspace.asking, recording.phase]
-    assert not window._confirm_close()
+    assert not window.confirm_close()
     ctx.yield_(3)
     press("dialog Save", HELD)
     until(lambda: workspace.ended, "the end")

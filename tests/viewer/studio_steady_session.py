@@ -73,7 +73,7 @@ class Steps:
         yield lambda: search.cameras is None and time.monotonic() < end
         report["the edge's own list"] = [list(map(str, search.cameras or ())), search.problem]
         for cameras in LISTS:
-            search._handle_search(msgspec.json.encode(cameras).decode(), False)
+            search.handle_search(msgspec.json.encode(cameras).decode(), False)
             self.picture(f"{len(cameras)} cameras")
             yield lambda: self.count < FRAMES
         left, top, right, bottom = workspace.widgets["look 0"]
@@ -92,7 +92,7 @@ class Steps:
         search.begin()
         self.picture("searching again")
         yield lambda: self.count < FRAMES
-        search._handle_search("nothing", True)
+        search.handle_search("nothing", True)
         self.picture("problem")
         yield lambda: self.count < FRAMES
         workspace.state(ScanSession).is_shown = True

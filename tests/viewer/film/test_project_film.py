@@ -10,7 +10,7 @@ from enliven import Mesh, Project
 from enliven.errors import InputError
 from enliven.modeling.edits import move_character
 from enliven.modeling.puppet.edits import make_puppet
-from enliven_viewer.film.project_film import _FRAMED_FRACTION, _frame_points, write_project_film
+from enliven_viewer.film.project_film import FRAMED_FRACTION, frame_points, write_project_film
 from enliven_viewer.render.camera import OrbitCamera
 
 pytestmark = pytest.mark.usefixtures("gl")
@@ -30,9 +30,9 @@ def test_the_camera_shows_all_points_and_no_more_room_than_necessary(seed):
     random = np.random.default_rng(seed)
     points = random.normal(size=(200, 3)) * random.uniform(0.2, 2.0, 3) + [0.0, 4.0, 0.0]
     camera = OrbitCamera(math.radians(28))
-    _frame_points(camera, points, random.uniform(-1.0, 1.0), 0.2, 1.6)
+    frame_points(camera, points, random.uniform(-1.0, 1.0), 0.2, 1.6)
     reach = np.abs(camera.view(1.6).project(points)).max(0)
-    assert reach.max() == pytest.approx(_FRAMED_FRACTION, abs=1e-6)
+    assert reach.max() == pytest.approx(FRAMED_FRACTION, abs=1e-6)
 
 
 def test_a_film_has_an_image_for_each_version_of_a_project(block, tmp_path):

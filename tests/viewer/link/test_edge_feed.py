@@ -132,7 +132,7 @@ def test_restart_is_reported_before_the_new_edges_messages(box, monkeypatch) -> 
         second = edge(first.endpoint.pose_port, first.endpoint.control_port)
         try:
             # This may be the new edge's first message, before any that identifies its process.
-            feed.link.edges[0]._receive(pack_stream(performer(6)), latched=False)
+            feed.link.edges[0].receive(pack_stream(performer(6)), latched=False)
             feed.poll(document)
             assert 6 not in heard and not document.edge.connected
             until(lambda: 7 in heard, lambda: list(second.poll()), lambda: turn(second, 7))
@@ -183,10 +183,10 @@ def test_pauses_of_the_viewer_itself_do_not_lose_held_back_messages(monkeypatch)
             # silence.
             patch.setattr("enliven_viewer.link.edge_connection.time.monotonic", lambda: float(next(now)))
             for message in performers:
-                edge._receive(pack_stream(message), latched=False)
-            edge._receive(status, latched=False)
+                edge.receive(pack_stream(message), latched=False)
+            edge.receive(status, latched=False)
             assert not link.take(BODIES), "none is shown before its edge is known"
-        edge._receive(status, latched=False)
+        edge.receive(status, latched=False)
         assert [value.time_ns for value in link.take(BODIES)] == [0, 1, 2]
     finally:
         link.close()

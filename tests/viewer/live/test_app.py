@@ -10,7 +10,7 @@ from in_a_window import in_a_window
 from typer.testing import CliRunner
 
 from enliven.errors import InputError, ResourceError
-from enliven_viewer.commands.view import _parse_addresses, view
+from enliven_viewer.commands.view import parse_addresses, view
 from enliven_viewer.doctor import run_checks
 from enliven_viewer.settings import ViewerSettings, with_size
 
@@ -100,14 +100,14 @@ def test_sizes_and_addresses_are_parsed() -> None:
         640,
         1280,
     )
-    assert _parse_addresses(["10.0.0.2"], None, None) == ["10.0.0.2:5580:5581"]
-    assert _parse_addresses(["10.0.0.2:7000"], None, None) == ["10.0.0.2:7000:7001"]
-    assert _parse_addresses(["10.0.0.2:7000"], 8000, 9000) == ["10.0.0.2:8000:9000"]
-    assert _parse_addresses(["10.0.0.2"], 8000, None) == ["10.0.0.2:8000:8001"]
-    several = _parse_addresses(["10.0.0.2", "10.0.0.3:7000"], None, None)
+    assert parse_addresses(["10.0.0.2"], None, None) == ["10.0.0.2:5580:5581"]
+    assert parse_addresses(["10.0.0.2:7000"], None, None) == ["10.0.0.2:7000:7001"]
+    assert parse_addresses(["10.0.0.2:7000"], 8000, 9000) == ["10.0.0.2:8000:9000"]
+    assert parse_addresses(["10.0.0.2"], 8000, None) == ["10.0.0.2:8000:8001"]
+    several = parse_addresses(["10.0.0.2", "10.0.0.3:7000"], None, None)
     assert several == ["10.0.0.2:5580:5581", "10.0.0.3:7000:7001"]
     with pytest.raises(InputError, match="several edges"):
-        _parse_addresses(["10.0.0.2", "10.0.0.3"], 8000, None)
+        parse_addresses(["10.0.0.2", "10.0.0.3"], 8000, None)
 
 
 def test_the_doctor_looks_at_what_the_viewer_needs() -> None:

@@ -49,7 +49,10 @@ def test_moments_are_sorted_whatever_the_order_of_arrival(times: list[int]) -> N
     timeline = Timeline()
     for t in times:
         timeline.add_pose(pose(t))
-    assert timeline._times == sorted(set(times))
+    walked = [timeline.start_ns]
+    for _ in range(len(timeline) - 1):
+        walked.append(timeline.neighbour(walked[-1], 1))
+    assert walked == sorted(set(times))
     assert (timeline.start_ns, timeline.end_ns) == (min(times), max(times))
 
 

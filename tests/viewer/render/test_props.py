@@ -14,7 +14,7 @@ from enliven.wire.convert import pose_to_message, props_to_message
 from enliven.wire.convert_characters import character_to_message
 from enliven.wire.posecode import PoseCodec
 from enliven_viewer.link.take_feed import TakeFeed
-from enliven_viewer.live.hud import HudState, _list_state_lines
+from enliven_viewer.live.hud import HudState, list_state_lines
 from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.interpolation import blend_props
 from enliven_viewer.playback.timeline import NS_PER_S, Timeline
@@ -148,8 +148,8 @@ def drawn(renderer: Renderer, scene: Scene, view) -> np.ndarray:
 
 
 def test_score_is_shown_in_the_window() -> None:
-    assert "chair hit twice" in _list_state_lines(HudState(score="chair hit twice"))
-    assert len(_list_state_lines(HudState())) == len(_list_state_lines(HudState(score="x"))) - 1
+    assert "chair hit twice" in list_state_lines(HudState(score="chair hit twice"))
+    assert len(list_state_lines(HudState())) == len(list_state_lines(HudState(score="x"))) - 1
 
 
 def test_distant_prop_leaves_the_framing_without_a_jump(box: Character) -> None:

@@ -92,8 +92,7 @@ def test_a_hull_holds_every_vertex(gl, make_character, make_box, nodes) -> None:
         SceneCharacter(character, bent(character)),
         SceneCharacter(character, character.rest_pose(), vertices=character.vertices + np.float32(0.3)),
     ):
-        renderer.draw(Scene((actor,)), view)
-        (mesh,) = renderer._meshes.values()
+        (mesh,) = renderer.prepare_meshes(Scene((actor,)))
         places, hull = mesh.positions().astype(float), mesh.hull()
         assert ((places @ ways).max(0) <= (hull @ ways).max(0) + 1e-5).all()
         x, y, width, height = find_visible_region(hull, view.clip_from_world, SIZE)

@@ -64,8 +64,7 @@ def skinned_by_hand(character, pose: Pose) -> np.ndarray:
 def test_skinning_is_the_equation_of_pose(renderer, make_character, make_box, nodes) -> None:
     character = make_character(*make_box((-0.3, 0, -0.2), (0.3, 1, 0.2)), nodes=nodes)
     pose = bent(character)
-    drawn(renderer, Scene((SceneCharacter(character, pose),), style=BARE))
-    mesh = renderer._meshes["box"]
+    (mesh,) = renderer.prepare_meshes(Scene((SceneCharacter(character, pose),), style=BARE))
     expected = skinned_by_hand(character, pose)
     places = mesh.positions()
     assert len(places) == 24
@@ -76,8 +75,7 @@ def test_normals_stay_perpendicular_to_a_stretched_board(renderer, make_characte
     character = make_character(*make_box((-0.3, 0, -0.2), (0.3, 1, 0.2)), nodes=1)
     shear = np.array([[1.0, 0.8, 0.0], [0.0, 1.5, 0.3], [0.1, 0.0, 0.5]], np.float32)
     pose = Pose("box", 0, shear[None], character.pivots)
-    drawn(renderer, Scene((SceneCharacter(character, pose),), style=BARE))
-    mesh = renderer._meshes["box"]
+    (mesh,) = renderer.prepare_meshes(Scene((SceneCharacter(character, pose),), style=BARE))
     faces = np.frombuffer(mesh._faces.read(), np.int32).reshape(-1, 3)
     a, b, c = (mesh.positions()[faces[:, k]] for k in range(3))
     true = np.cross(b - a, c - a)

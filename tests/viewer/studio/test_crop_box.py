@@ -158,8 +158,11 @@ def test_the_pointer_drags_it_before_any_tool_and_done_sends_it(tmp_path):
     passed.release(top)
     assert scan.box.corners[1, 1] == pytest.approx(0.6, abs=1e-6)
     np.testing.assert_array_equal(editor.camera.view(1.6).camera_from_world, yaw)
+    corners = scan.box.corners.copy()
     passed.press(top, MIDDLE_BUTTON)
-    assert passed.busy and scan.box._held_handle is None
+    passed.move((top[0], top[1] + 40.0))
+    assert passed.busy
+    np.testing.assert_array_equal(scan.box.corners, corners, "the middle button moves the camera")
     passed.release(top, MIDDLE_BUTTON)
     scan.finish()
     (order,) = scan.perform.client.asked

@@ -58,14 +58,14 @@ def test_a_camera_starts_by_its_words_unless_something_is_missing() -> None:
 @pytest.mark.parametrize("answer", ["", "no JSON", json.dumps([{"name": 1}]), "[" * 5000])
 def test_an_answer_that_is_no_list_is_no_crash(answer: str) -> None:
     search = CameraSearch()
-    search._handle_search(answer, True)
+    search.handle_search(answer, True)
     assert search.cameras == () and "enliven doctor" in search.problem
 
 
 def test_unreadable_preview_picture_is_reported(tmp_path) -> None:
     search, path = CameraSearch(), tmp_path / "depth.png"
     path.write_bytes(b"no picture")
-    search._handle_test(Camera("a", "tof"), "", path, False)
+    search.handle_test(Camera("a", "tof"), "", path, False)
     assert (
         search.picture is None
         and search.test_result is not None
@@ -74,5 +74,5 @@ def test_unreadable_preview_picture_is_reported(tmp_path) -> None:
     out = io.BytesIO()
     Image.new("RGB", (4, 3)).save(out, "PNG")
     path.write_bytes(out.getvalue())
-    search._handle_test(Camera("a", "tof"), "", path, False)
+    search.handle_test(Camera("a", "tof"), "", path, False)
     assert search.picture is not None and search.picture.shape == (3, 4, 3)

@@ -157,11 +157,11 @@ def test_a_press_while_a_scan_is_made_is_for_the_character_that_it_becomes(sitti
     session.present = [person()]
     session.until(lambda: session.perform.performers and len(session.perform.stage_ids) == 2)
     session.house.outlet.send(ScanMessage(1, "scanning"), 0)
-    session.until(lambda: session.perform.possession_requests._scan_message.phase == "scanning")
+    session.until(lambda: session.perform.possession_requests.scan_message.phase == "scanning")
     session.perform.possession_requests.press()
     assert session.toasts == [("The camera is scanning", "Finish or cancel the scan first")]
     session.house.outlet.send(ScanMessage(1, "finishing"), 0)
-    session.until(lambda: session.perform.possession_requests._scan_message.phase == "finishing")
+    session.until(lambda: session.perform.possession_requests.scan_message.phase == "finishing")
     session.perform.possession_requests.press()
     assert session.perform.possession_requests.words == "The scan is being turned into a character"
     session.run_frames(5)

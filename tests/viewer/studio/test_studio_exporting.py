@@ -200,7 +200,8 @@ def test_failed_export_is_reported_in_german(workspace, tmp_path) -> None:
                 ),
             ),
         ):
-            workspace._export(path)
+            workspace.asking = "export"
+            workspace.finish_file_dialog(path)
             workspace.editor.background.finish()
             shown = workspace.editor.toasts.shown[-1]
             assert shown.is_error and shown.text.startswith(f"{path}: ")

@@ -154,7 +154,7 @@ def test_saved_or_unchanged_project_leaves_no_recovery_file(workspace: Workspace
 def test_unwritable_recovery_file_is_reported(workspace: Workspace, tmp_path) -> None:
     (tmp_path / "in the way").write_text("")
     store = ProjectStore(workspace.editor, tmp_path / "in the way")
-    store._saved = store._autosaved = workspace.editor.project.drop_character("limb")
+    workspace.editor.edit("drop", lambda project: project.drop_character("limb"))
     store.autosave(store.saved_at + 60.0)
     store.settle()
     assert "Ctrl+S" in said(workspace)

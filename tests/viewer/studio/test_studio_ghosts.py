@@ -32,12 +32,28 @@ from enliven_viewer.studio.features.animation.ghost_pass import GhostPass
 from enliven_viewer.studio.features.animation.ghost_picture import smooth_trail
 from enliven_viewer.studio.features.animation.ghost_times import choose_ghost_times, find_key_times
 from enliven_viewer.studio.features.animation.ghosts import Ghosts
-from enliven_viewer.studio.features.animation.motion_samples import smooth_normals
+from enliven_viewer.studio.features.animation.motion_samples import MotionSamples, smooth_normals
 from enliven_viewer.studio.features.animation.trail_points import find_far_ends
 from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.viewport.overlay import Overlay
 from enliven_viewer.studio.viewport.viewport import Viewport
 from enliven_viewer.theme import FUTURE_POSE, PAST_POSE
+
+
+@pytest.fixture
+def computed(monkeypatch) -> list[MotionSamples]:
+    """Returns the list to which each computation of samples appends its result."""
+    import enliven_viewer.studio.features.animation.ghosts as room
+
+    results, real = list[MotionSamples](), room.sample_motion
+
+    def sample(*words) -> MotionSamples:
+        results.append(real(*words))
+        return results[-1]
+
+    monkeypatch.setattr(room, "sample_motion", sample)
+    return results
+
 
 rigs = pytest.mark.parametrize("rig", ["bones", "graph", "points", "cage"])
 
@@ -56,11 +72,11 @@ def desk(rig: str, time: float = 0.8) -> tuple[Editor, Ghosts, str]:
 
 
 @rigs
-def test_ghosts_stand_where_the_character_was_and_will_be(rig: str) -> None:
+def test_ghosts_stand_where_the_character_was_and_will_be(rig: str, computed) -> None:
     editor, ghosts, name = desk(rig)
     picture = ghosts.settle()
     assert picture is not None and picture.bodies
-    bodies = ghosts._samples[name].bodies
+    bodies = computed[-1].bodies
     for moment, body in bodies.items():
         vertices = compute_vertices(editor.project, name, moment)
         if len(body.faces):
@@ -82,7 +98,7 @@ def test_ghosts_stand_where_the_character_was_and_will_be(rig: str) -> None:
 
 
 @rigs
-def test_trails_go_through_where_its_ends_were_and_follow_an_edit(rig: str) -> None:
+def test_trails_go_through_where_its_ends_were_and_follow_an_edit(rig: str, computed) -> None:
     editor, ghosts, name = desk(rig)
     ghosts.settle()
     for offset in (0.0, 1.5):
@@ -90,7 +106,7 @@ def test_trails_go_through_where_its_ends_were_and_follow_an_edit(rig: str) -> N
             editor.edit("move", lambda project, by=offset: move_character(project, name, [by, 0.0, 0.0]))
             get_puppet_editor(editor).motion_solver.settle(editor.project, name) if rig == "points" else None
             ghosts.settle()
-        sampled = ghosts._samples[name]
+        sampled = computed[-1]
         for frame in (sampled.request.first, sampled.request.last):
             time = frame * sampled.request.step
             pose, handles = get_rig_edits(editor.project.characters[name]).create_player(
@@ -99,19 +115,24 @@ def test_trails_go_through_where_its_ends_were_and_follow_an_edit(rig: str) -> N
             near(sampled.points[frame], handles if len(handles) else pose.positions, 1e-5)
     picture = ghosts.settle()
     assert picture is not None and len(picture.tubes)
-    points = np.concatenate([part for part in ghosts._samples[name].points.values()])
+    points = np.concatenate([part for part in computed[-1].points.values()])
     low, high = points.min(0) - 0.2, points.max(0) + 0.2
     assert (picture.tubes[:, :3] >= low).all() and (picture.tubes[:, :3] <= high).all()
 
 
-def test_one_switch_shows_and_hides_and_without_it_nothing_is_worked_out() -> None:
+def test_one_switch_shows_and_hides_and_without_it_nothing_is_worked_out(computed) -> None:
     _, ghosts, _ = desk("bones")
     assert ghosts.settle() is not None
+    count = len(computed)
     ghosts.toggle()
-    assert ghosts.picture() is None and not ghosts._samples and ghosts._sampling is None
+    assert ghosts.picture() is None and ghosts.settle() is None and len(computed) == count
+    ghosts.toggle()
+    picture = ghosts.picture()
+    assert picture is not None and not picture.bodies, "nothing is kept while they are off"
+    ghosts.settle()
 
 
-def test_the_window_never_waits_and_the_newest_edit_wins(monkeypatch) -> None:
+def test_the_window_never_waits_and_the_newest_edit_wins(monkeypatch, computed) -> None:
     import enliven_viewer.studio.features.animation.ghosts as room
 
     editor, ghosts, name = desk("bones")
@@ -131,23 +152,25 @@ def test_the_window_never_waits_and_the_newest_edit_wins(monkeypatch) -> None:
     free.set()
     ghosts.settle()
     assert threading.current_thread() not in threads
-    assert ghosts._samples[name].request.character is editor.project.characters[name]
+    assert computed[-1].request.character is editor.project.characters[name]
 
 
-def test_a_chosen_bone_has_the_trail() -> None:
-    editor, ghosts, name = desk("bones")
+def test_a_chosen_bone_has_the_trail(computed) -> None:
+    editor, ghosts, _ = desk("bones")
     every = ghosts.settle()
     editor.select(handle=1)
     single = ghosts.settle()
     assert every is not None and single is not None
-    sampled = ghosts._samples[name]
+    sampled = computed[-1]
     line = np.stack([sampled.points[k][1] for k in range(sampled.request.first, sampled.request.last + 1)])
     away = np.linalg.norm(single.tubes[:, None, :3] - line[None], axis=2).min(1)
     assert away.max() < 0.1, "all of it lies along the way of that joint"
 
 
 @pytest.mark.parametrize(("rig", "handle"), [("bones", 2), ("graph", 4), ("points", None), ("cage", None)])
-def test_ghosts_stand_at_the_keys_of_what_is_chosen_of_every_rig(rig: str, handle: int | None) -> None:
+def test_ghosts_stand_at_the_keys_of_what_is_chosen_of_every_rig(
+    rig: str, handle: int | None, computed
+) -> None:
     editor, ghosts, name = desk(rig)
     project = editor.project
     for time, degrees in ((0.2, (0, 0, 0)), (0.5, (0, 50, 0)), (1.1, (0, 0, 0)), (1.5, (0, 20, 0))):
@@ -161,7 +184,7 @@ def test_ghosts_stand_at_the_keys_of_what_is_chosen_of_every_rig(rig: str, handl
         editor.select_only(name)
         editor.select(**chosen)
         ghosts.settle()
-        moments = ghosts._samples[name].request.moments
+        moments = computed[-1].request.moments
         assert set(moments) <= {key[0] for key in find_keys(project, name, handle)} and len(moments) == 4
     later = change_layers(project, name, [number], offset=0.5)
     moved = find_key_times(later, later.character(name), handle, number)
@@ -170,11 +193,11 @@ def test_ghosts_stand_at_the_keys_of_what_is_chosen_of_every_rig(rig: str, handl
     assert 0.5 not in find_key_times(muted, muted.character(name), handle, number)
 
 
-def test_a_puppets_ghosts_stand_at_its_key_poses() -> None:
+def test_a_puppets_ghosts_stand_at_its_key_poses(computed) -> None:
     editor, ghosts, name = desk("points")
     ghosts.settle()
     keys = find_key_times(editor.project, editor.project.characters[name])
-    assert keys and set(ghosts._samples[name].bodies) <= set(keys)
+    assert keys and set(computed[-1].bodies) <= set(keys)
 
 
 @settings(deadline=None, max_examples=60)

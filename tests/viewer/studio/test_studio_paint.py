@@ -17,7 +17,7 @@ from enliven_edge.uploaded_actor import create_uploaded_actor
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.features.paint.paint_tool import PaintTool, make_shades
-from enliven_viewer.studio.features.perform.staged_characters import _differs_in_motion_only
+from enliven_viewer.studio.features.perform.staged_characters import differs_in_motion_only
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -120,7 +120,7 @@ def test_painted_stiffness_is_saved_and_softens_on_stage(workspace, tmp_path):
     for _ in range(2):
         stroke(workspace, LEFT)
     project = workspace.editor.project
-    assert not _differs_in_motion_only(project.character("man"), before), "it is sent anew"
+    assert not differs_in_motion_only(project.character("man"), before), "it is sent anew"
     write_project(tmp_path / "soft.enliven", project)
     np.testing.assert_array_equal(
         read_project(tmp_path / "soft.enliven").character("man").mesh.stiffness, painted(workspace)

@@ -16,7 +16,12 @@ from enliven.modeling.edits import move_character, turn_character
 from enliven.modeling.puppet.poses import set_symmetry
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.features.puppets.gizmo import ARROW_LENGTH_PX, GIZMO_PARTS, Gizmo
+from enliven_viewer.studio.features.puppets.gizmo import (
+    ARROW_LENGTH_PX,
+    FINGER_GRAB_DISTANCE_PX,
+    GIZMO_PARTS,
+    Gizmo,
+)
 from enliven_viewer.studio.puppets.puppet_editor import get_puppet_editor
 from enliven_viewer.studio.puppets.symmetry import find_partner_vertex, mirror_places
 from enliven_viewer.studio.viewport.picking import find_joint_at, find_surface_at
@@ -156,6 +161,33 @@ def test_a_handle_is_where_it_is_drawn_and_moves_along_itself(part: str) -> None
     assert not tool.drag_offset(part, start, start, snap=False).any()
 
 
+@pytest.mark.parametrize("part", ["x", "y", "z"])
+def test_finger_grabs_an_arrow_next_to_it(part: str) -> None:
+    editor = editor_with()
+    editor.camera.orbit(0.5, 0.4)
+    editor.camera.advance(10.0)
+    gizmo = Gizmo(PLACE, editor.lens)
+    tip = np.array(
+        pixel_of(editor, PLACE + np.eye(3)[GIZMO_PARTS.index(part)] * ARROW_LENGTH_PX * gizmo.pixel)
+    )
+    along = (tip - pixel_of(editor, PLACE)) / np.linalg.norm(tip - pixel_of(editor, PLACE))
+    across = np.array([-along[1], along[0]])
+    for distance in (0.0, 0.9 * FINGER_GRAB_DISTANCE_PX, -0.9 * FINGER_GRAB_DISTANCE_PX):
+        assert gizmo.find_nearest_part(tuple(tip + distance * across)) == part
+    assert gizmo.find_part(tuple(tip + 0.9 * FINGER_GRAB_DISTANCE_PX * across)) == ""
+    assert gizmo.find_nearest_part(tuple(tip + 1.1 * FINGER_GRAB_DISTANCE_PX * across)) == ""
+
+
+def test_finger_does_not_grab_an_arrow_along_the_line_of_sight() -> None:
+    editor = editor_with()
+    editor.camera.face(0.0, 0.02)
+    editor.camera.advance(10.0)
+    gizmo = Gizmo(editor.camera.target, editor.lens)
+    x, y = pixel_of(editor, editor.camera.target)
+    grid = [(x + i, y + j) for i in range(-60, 61, 6) for j in range(-60, 61, 6)]
+    assert {gizmo.find_nearest_part(pixel) for pixel in grid} == {"", "x", "y", "xy", "view"}
+
+
 @settings(max_examples=30, deadline=None)
 @given(
     st.sampled_from(GIZMO_PARTS),
@@ -202,6 +234,7 @@ def test_points_behind_the_camera_are_not_picked() -> None:
     editor = editor_with()
     tool = Gizmo(editor.lens.view.eye - editor.lens.forward, editor.lens)
     assert tool.find_part((320.0, 240.0)) == "" and tool.marks("") == ()
+    assert tool.find_nearest_part((320.0, 240.0)) == ""
 
 
 @settings(max_examples=30, deadline=None)

@@ -89,6 +89,22 @@ def test_arrows_move_along_their_axis(tmp_path) -> None:
     assert way[1] > 0.05 and way[0] == way[2] == 0.0
 
 
+def test_finger_grabs_an_arrow_from_farther_away_than_a_mouse(tmp_path) -> None:
+    workspace, stage = studio(tmp_path, "head", "left", "foot", take="sway")
+    play([Click(OnPuppet("star", point=1))], stage)
+    gizmo, user_input = tool_of(workspace).manipulator(), workspace.input
+    assert gizmo is not None
+    tip = gizmo.place + np.array([0.0, 60.0, 0.0]) * gizmo.pixel
+    x, y = workspace.editor.lens.project(tip[None])[0][0]
+    for is_finger in (False, True):
+        user_input.press((x + 17.0, y), is_finger=is_finger)
+        assert (tool_of(workspace).held is not None) == is_finger
+        user_input.key("escape")
+        user_input.release((x + 17.0, y))
+        workspace.editor.select_only("star", 1)
+    assert gizmo.find_part((x + 11.0, y)) == "y"
+
+
 def test_escape_goes_back_step_by_step_and_loses_nothing(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head", "left", take="sway")
     start = OnPuppet("star", point=1)

@@ -1,4 +1,4 @@
-"""Tests of slow frames or disks: strokes, autosave, and textures that are still being decoded."""
+"""Tests of slow frames or disks: strokes, fingers, autosave, and textures that are still being decoded."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from enliven.document import Project
 from enliven.meshes import Texture
 from enliven_viewer.render.materials.textures import Textures
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.window.desktop import PointerPath
+from enliven_viewer.studio.window.desktop import FingerDetector, PointerPath
 from enliven_viewer.studio.workspace import project_store as module
 from enliven_viewer.studio.workspace.project_store import ProjectStore
 
@@ -58,6 +58,39 @@ def test_pointer_path_stops_at_button_changes_and_resets_on_jumps() -> None:
     assert path.take_positions((40.0, 40.0)) == [(40.0, 40.0)] and path.take_positions((7.0, 0.0)) == [
         (7.0, 0.0)
     ]
+
+
+MOUSE = [[(float(x), 0.0) for x in range(k, k + 24, 6)] for k in range(0, 240, 24)]
+"""Positions of a mouse in ten frames, at its usual rate of events."""
+
+
+def test_jump_with_a_press_is_a_finger_until_the_pointer_hovers() -> None:
+    fingers = FingerDetector()
+    for path in MOUSE:
+        assert not fingers.update(path, is_pressed=False, is_held=False)
+    assert not fingers.update([(240.0, 0.0)], is_pressed=True, is_held=True), "a mouse that was moved there"
+    fingers.update([(240.0, 0.0)], is_pressed=False, is_held=True)
+    assert fingers.update([(20.0, 300.0)], is_pressed=True, is_held=True)
+    assert fingers.update([(90.0, 300.0)], is_pressed=False, is_held=True), "the finger drags"
+    assert fingers.update([(92.0, 301.0)], is_pressed=True, is_held=True), "pressed again near the same place"
+    fingers.update([(94.0, 301.0)], is_pressed=False, is_held=False)
+    assert not fingers.update([(94.0, 301.0)], is_pressed=True, is_held=True), "a mouse has hovered"
+
+
+def test_finger_that_the_system_reports_needs_no_jump() -> None:
+    fingers = FingerDetector()
+    fingers.update([(90.0, 10.0)], is_pressed=False, is_held=False)
+    assert fingers.update([(90.0, 10.0)], is_pressed=True, is_held=True, is_touch_screen=True)
+    assert not fingers.update([(90.0, 10.0)], is_pressed=True, is_held=True)
+
+
+@given(st.lists(st.sampled_from(MOUSE), min_size=1), st.booleans())
+def test_mouse_that_is_pressed_while_it_moves_is_not_a_finger(paths, is_held) -> None:
+    fingers, offset = FingerDetector(), 0.0
+    for path in paths:
+        moved = [(offset + x - path[0][0], y) for x, y in path]
+        assert not fingers.update(moved, is_pressed=True, is_held=is_held)
+        offset = moved[-1][0]
 
 
 def test_strokes_have_every_place_of_a_slow_picture_in_the_window(tmp_path) -> None:
@@ -102,8 +135,8 @@ def test_texture_is_white_until_decoded_in_the_background(gl, monkeypatch, besid
     if beside:
         from enliven_viewer.render.materials import textures as decoding
 
-        plain = decoding._decode_pixels
-        monkeypatch.setattr(decoding, "_decode_pixels", lambda *told: goes_on.wait(20.0) and plain(*told))
+        plain = decoding.decode_pixels
+        monkeypatch.setattr(decoding, "decode_pixels", lambda *told: goes_on.wait(20.0) and plain(*told))
     held = textures.acquire_texture(source, "base")
     if beside:
         textures.upload_decoded()

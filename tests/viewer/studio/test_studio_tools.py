@@ -320,7 +320,7 @@ def test_a_bone_of_the_library_turns_with_the_bones_before_it() -> None:
     def bends(phase: float) -> list[np.ndarray]:
         return [np.array([phase, 0.3 * bone, -0.5 * phase * bone]) for bone in range(1, 4)]
 
-    clip = sample_motions._make_clip("made", sample_motions._make_chain(3, 0.2), 0.5, bends)
+    clip = sample_motions.make_clip("made", sample_motions.make_chain(3, 0.2), 0.5, bends)
     for frame, turns in enumerate(clip.turns):
         total = Rotation.identity()
         for bone, bend in enumerate(bends(frame / (len(clip.turns) - 1)), start=1):

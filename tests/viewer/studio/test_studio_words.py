@@ -20,10 +20,10 @@ from enliven.mapping.quality import (
 )
 from enliven_edge.controls.base import WORDS
 from enliven_viewer.live.hud import describe_delay
-from enliven_viewer.studio.features.mapping.panel import _list_quality_lines as motion_words
+from enliven_viewer.studio.features.mapping.panel import list_quality_lines as motion_words
 from enliven_viewer.studio.features.perform import live_texts
 from enliven_viewer.studio.features.perform.voice_panel import describe_command
-from enliven_viewer.studio.features.puppets.pose_strip import _make_status_text as coverage_words
+from enliven_viewer.studio.features.puppets.pose_strip import make_status_text as coverage_words
 from enliven_viewer.studio.features.scan.advice import ADVICE_BOTTOM
 from enliven_viewer.studio.panels.side import describe_parts
 
@@ -131,8 +131,8 @@ def test_phrase_list_describes_every_command() -> None:
 def test_heard_words_are_below_the_advice_of_a_scan() -> None:
     top = (
         live_texts.find_utterance_bottom(ADVICE_BOTTOM)
-        - live_texts._PERFORMER_TEXT_SIZE
-        - live_texts._LINE_PADDING
+        - live_texts.PERFORMER_TEXT_SIZE_PX
+        - live_texts.LINE_PADDING_PX
     )
     assert top >= ADVICE_BOTTOM, "the words lie on each other"
     assert live_texts.find_utterance_bottom(0.0) < live_texts.find_utterance_bottom(ADVICE_BOTTOM)

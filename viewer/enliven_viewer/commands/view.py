@@ -122,7 +122,7 @@ def view(
             where="enliven view",
             remedy="Render a film without a window: enliven view --film out.mp4 --sheet out.png",
         )
-    addresses = _parse_addresses(edge or [DEFAULT_ADDRESS], port, control_port)
+    addresses = parse_addresses(edge or [DEFAULT_ADDRESS], port, control_port)
     is_address_open = not (edge or port or control_port or take or filming or fullscreen)
     if is_address_open and list_network_edges(addresses[0]):
         addresses = []
@@ -263,7 +263,7 @@ def _open_feed(take: Path | None, addresses: list[str]) -> TakeFeed | EdgeFeed:
     return EdgeFeed(EdgeClient(addresses))
 
 
-def _parse_addresses(edges: list[str], port: int | None, control_port: int | None) -> list[str]:
+def parse_addresses(edges: list[str], port: int | None, control_port: int | None) -> list[str]:
     """Returns the addresses HOST[:PORT[:CONTROL_PORT]] from the options. Ports given as separate options
     override those in ``edges``.
 

@@ -25,7 +25,7 @@ from enliven_viewer.settings import LookName, RenderSettings
 
 _FIELD_OF_VIEW = math.radians(28)
 """Vertical field of view in radians. It is narrow, like that of a portrait lens."""
-_FRAMED_FRACTION = 0.9
+FRAMED_FRACTION = 0.9
 """Maximum fraction of the image's width and height that the subject occupies at any time of the film."""
 _HEAD_M = 0.16
 """Distance in metres from the head joint to the top of the drawn head, plus a margin."""
@@ -99,7 +99,7 @@ def write_project_film(
     settings = RenderSettings(look=look, shadow_size=_SHADOW_SIZE)
     renderer, camera = Renderer(create_offscreen_context(), size, settings), OrbitCamera(_FIELD_OF_VIEW)
     aspect = size[0] / size[1]
-    _frame_points(camera, np.concatenate(points), math.radians(azimuth), math.radians(elevation), aspect)
+    frame_points(camera, np.concatenate(points), math.radians(azimuth), math.radians(elevation), aspect)
     images = []
     for scene in scenes:
         renderer.draw(scene, camera.view(aspect))
@@ -126,9 +126,7 @@ def _list_framed_points(scene: Scene) -> Float:
     return np.concatenate(points) if points else np.zeros((0, 3))
 
 
-def _frame_points(
-    camera: OrbitCamera, points: Float, azimuth: float, elevation: float, aspect: float
-) -> None:
+def frame_points(camera: OrbitCamera, points: Float, azimuth: float, elevation: float, aspect: float) -> None:
     """Places a camera as close as possible so that it shows all points (N, 3).
 
     A point at (right, up, back) in the camera's axes is inside the image's left and right edge if
@@ -141,7 +139,7 @@ def _frame_points(
     rows = camera.view(aspect).camera_from_world[:3, :3]
     middle = (points.min(0) + points.max(0)) / 2
     right, up, back = rows @ (points - middle).T
-    slope = _FRAMED_FRACTION * math.tan(camera.field_of_view / 2)
+    slope = FRAMED_FRACTION * math.tan(camera.field_of_view / 2)
     offset, distance = np.zeros(3), 0.0
     for axis, coordinates, k in ((0, right, slope * aspect), (1, up, slope)):
         high, low = (coordinates + k * back).max(), (k * back - coordinates).max()

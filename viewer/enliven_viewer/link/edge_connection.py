@@ -135,7 +135,7 @@ class EdgeConnection:
             data = self._stream.receive()
             if data is None:
                 break
-            self._receive(data, latched=False)
+            self.receive(data, latched=False)
         self._request_missing_data()
         self.stage.poll()
 
@@ -275,7 +275,7 @@ class EdgeConnection:
             self._get_topic_watch(STREAMS[error.kind]).count_failure()
         self._rejects.add(error)
 
-    def _receive(self, data: bytes, latched: bool) -> None:
+    def receive(self, data: bytes, latched: bool) -> None:
         """Processes one stream message. Drops it if it is inconsistent."""
         try:
             topic, message = unpack_stream(data)
@@ -320,7 +320,7 @@ class EdgeConnection:
         # If this thread is suspended meanwhile, messages are queued again. So the queue may not be empty at
         # the end.
         for data in self._unsure.take_all():
-            self._receive(data, latched=False)
+            self.receive(data, latched=False)
 
     def _get_topic_watch(self, topic: Topic) -> TopicWatch:
         """Returns the message counter of a topic."""
@@ -403,7 +403,7 @@ class EdgeConnection:
         listed = self.characters.wanted
         self._sequences = {name: last for name, last in self._sequences.items() if name in listed}
         for message in answer.latest:
-            self._receive(message, latched=True)
+            self.receive(message, latched=True)
 
     def _handle_character(self, answer: Answer | None) -> None:
         """Stores a character and decodes its queued poses. If the new revision is unusable, the old one

@@ -125,7 +125,7 @@ class Hud:
 
         Returns the y coordinate of its lower end in pixels.
         """
-        s, canvas, lines = self.scale, self._canvas, "\n".join(_list_state_lines(state))
+        s, canvas, lines = self.scale, self._canvas, "\n".join(list_state_lines(state))
         max_width, text_height = canvas.extent(lines, self._small)
         height = 48 * s + text_height
         canvas.rectangle(16 * s, 16 * s, max(292 * s, 60 * s + max_width), height, GLASS, 10 * s)
@@ -216,7 +216,7 @@ def describe_delay(late_ms: float | None) -> str:
     return tr("a little delayed") if late_ms < _DISTURBING_DELAY_MS else tr("delayed: move slowly")
 
 
-def _list_state_lines(state: HudState) -> list[str]:
+def list_state_lines(state: HudState) -> list[str]:
     """Returns hints about latency and frame rate, one line each."""
     lines, edge = list[str](), state.edge
     if edge is not None and edge.connected and edge.sensor_to_pose_ms is not None:

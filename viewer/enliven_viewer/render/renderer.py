@@ -105,7 +105,7 @@ class Renderer:
         # Bind a framebuffer, because without one OpenGL refuses even calls that draw nothing.
         self.picture.drawn.use()
         self.textures.upload_decoded()
-        meshes = self._prepare_meshes(scene)
+        meshes = self.prepare_meshes(scene)
         box = scene.lit_box or EMPTY_BOX
         stage = self._write_frame(box, view)
         bodies = scene.bodies if scene.style.body > 0 else ()
@@ -152,7 +152,7 @@ class Renderer:
         self.picture.texture.use(TEXTURE_UNITS["picture"])
         self._present_quad.render(moderngl.TRIANGLES, vertices=3)
 
-    def _prepare_meshes(self, scene: Scene) -> list[SkinnedMesh]:
+    def prepare_meshes(self, scene: Scene) -> list[SkinnedMesh]:
         """Returns the meshes of the scene in their poses.
 
         New characters are uploaded, and removed ones released.

@@ -96,9 +96,9 @@ class Textures:
 
     def _create_texture(self, source: Texture, colours: bool) -> SharedTexture:
         if not self.decodes_in_background:
-            return SharedTexture(self._upload(source, colours, _decode_pixels(source, self._most)), source)
+            return SharedTexture(self._upload(source, colours, decode_pixels(source, self._most)), source)
         self._pool = self._pool or ThreadPoolExecutor(2, "textures")
-        decoding = self._pool.submit(_decode_pixels, source, self._most)
+        decoding = self._pool.submit(decode_pixels, source, self._most)
         return SharedTexture(self._upload(source, colours, _WHITE_PIXEL), source, decoding=decoding)
 
     def release_texture(self, source: Texture, name: str) -> None:
@@ -148,7 +148,7 @@ def _unfold_mirrored(pixels: UInt8, sampler: dict[str, object]) -> UInt8:
     return np.ascontiguousarray(pixels)
 
 
-def _decode_pixels(source: Texture, max_side: int) -> UInt8:
+def decode_pixels(source: Texture, max_side: int) -> UInt8:
     """Returns (H, W, 4): a decoded texture with limited sides, or white if it cannot be read."""
     try:
         with open_picture(np.asarray(source.image, np.uint8).tobytes()) as picture:

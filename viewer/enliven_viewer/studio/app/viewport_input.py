@@ -62,15 +62,24 @@ class ViewportInput:
         self.tool.cancel()
         self.tool = self.tools[name]
 
-    def press(self, at: Point, button: int = LEFT_BUTTON, *, shift: bool = False, ctrl: bool = False) -> None:
-        """Handles a mouse button press over the viewport."""
+    def press(
+        self,
+        at: Point,
+        button: int = LEFT_BUTTON,
+        *,
+        shift: bool = False,
+        ctrl: bool = False,
+        is_finger: bool = False,
+    ) -> None:
+        """Handles the press of a mouse button, a pen or a finger over the viewport."""
         if self._held_button is not None:
             return
         self._held_button, self.at = button, at
         self._resumes_playback = self.tool.plays_on and self.editor.playing
         if button == LEFT_BUTTON:
             self._grabbed_handles = next((handles for handles in self.handles if handles.press(at)), None)
-            self._is_tool_drag = self._grabbed_handles is None and self.tool.press(Pointer(at, shift, ctrl))
+            pointer = Pointer(at, shift, ctrl, is_finger)
+            self._is_tool_drag = self._grabbed_handles is None and self.tool.press(pointer)
 
     def move(self, at: Point, *, shift: bool = False, ctrl: bool = False) -> None:
         """Handles pointer movement."""

@@ -18,11 +18,16 @@ coincide.
 
 @dataclass(frozen=True)
 class Pointer:
-    """The pointer's position in pixels of the viewport, and the held modifier keys."""
+    """The pointer's position in pixels of the viewport, and the held modifier keys.
+
+    Attributes:
+        is_finger: True for the press of a finger. It is less precise than a mouse or a pen.
+    """
 
     at: Point
     shift: bool = False
     ctrl: bool = False
+    is_finger: bool = False
 
 
 class Tool:

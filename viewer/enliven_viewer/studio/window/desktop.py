@@ -7,6 +7,7 @@ panels, views and pointer use logical pixels everywhere, and no other code depen
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 from typing import Any
@@ -49,6 +50,48 @@ class PointerPath:
         return positions
 
 
+_MIN_FINGER_JUMP_PX = 44.0
+"""Minimum distance in pixels between two pointer events at which a press counts as a finger's. A mouse sends
+at least 125 events per second, and moves slowly before its button is pressed.
+"""
+
+
+class FingerDetector:
+    """Detects the presses of fingers. Only Windows reports them. On other systems a finger looks like a mouse
+    that jumps to a place and is pressed there at once. After a jump, presses count as a finger's until the
+    pointer moves without a pressed button.
+    """
+
+    def __init__(self) -> None:
+        self._is_finger = False
+        self._last: PointerPosition | None = None
+
+    def update(
+        self,
+        positions: list[PointerPosition],
+        *,
+        is_pressed: bool,
+        is_held: bool,
+        is_touch_screen: bool = False,
+    ) -> bool:
+        """Returns True if a press in this frame is a finger's. Call once per frame.
+
+        Args:
+            positions: the pointer's positions since the previous frame, the current one last.
+            is_pressed: True if the left button was pressed in this frame.
+            is_held: True if the left button was held at any time since the previous frame.
+            is_touch_screen: True if the system reports a touch screen.
+        """
+        path = [*([] if self._last is None else [self._last]), *positions]
+        self._last = positions[-1]
+        jump = max((math.dist(first, last) for first, last in itertools.pairwise(path)), default=0.0)
+        if is_pressed:
+            self._is_finger = self._is_finger or jump >= _MIN_FINGER_JUMP_PX
+        elif jump > 0.0 and not is_held:
+            self._is_finger = False
+        return is_touch_screen or self._is_finger
+
+
 _MIN_LAYOUT_SIZE = (640.0, 360.0)
 """Minimum layout size in logical pixels, so that large text in a small window stays usable."""
 
@@ -61,7 +104,7 @@ class Desktop:
         self._window: Any = glfw_window_hello_imgui()
         self._dropped: list[Path] = []
         self.scale = self._find_density()
-        self.path = PointerPath()
+        self.path, self.fingers = PointerPath(), FingerDetector()
         glfw.set_drop_callback(self._window, self._handle_drop)
         self._install_pointer_callbacks()
         self._fit_to_screen()

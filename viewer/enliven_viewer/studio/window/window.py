@@ -122,7 +122,7 @@ class StudioWindow:
         calls.post_init = self._start
         calls.custom_background = self._draw_picture
         calls.show_gui = self._draw_gui
-        calls.confirm_exit = self._confirm_close
+        calls.confirm_exit = self.confirm_close
         if register_tests is not None:
             runner.use_imgui_test_engine = True
             calls.register_tests = register_tests
@@ -171,7 +171,7 @@ class StudioWindow:
         """Closes the window after this frame."""
         hello_imgui.get_runner_params().app_shall_exit = True
 
-    def _confirm_close(self) -> bool:
+    def confirm_close(self) -> bool:
         """Returns True if the window's close button may close it.
 
         With unsaved work, a dialogue opens instead.
@@ -269,13 +269,22 @@ class StudioWindow:
         held: dict[str, Any] = {"shift": io.key_shift, "ctrl": io.key_ctrl}
         is_over_view = area.contains(io.mouse_pos.x, io.mouse_pos.y) and not io.want_capture_mouse
         spot = (io.mouse_pos.x, io.mouse_pos.y)
-        for x, y in self.desktop.path.take_positions(spot) if self.desktop is not None else [spot]:
+        is_finger, path = False, [spot]
+        if self.desktop is not None:
+            path = self.desktop.path.take_positions(spot)
+            is_finger = self.desktop.fingers.update(
+                path,
+                is_pressed=imgui.is_mouse_clicked(0),
+                is_held=imgui.is_mouse_down(0) or imgui.is_mouse_released(0),
+                is_touch_screen=io.mouse_source == imgui.MouseSource.touch_screen,
+            )
+        for x, y in path:
             passed = (x - area.x, y - area.y)
             if passed != user_input.at and (is_over_view or user_input.busy):
                 user_input.move(passed, **held)
         for button in (0, 1, 2):
             if is_over_view and imgui.is_mouse_clicked(button):
-                user_input.press(pixel, button, **held)
+                user_input.press(pixel, button, is_finger=is_finger, **held)
             if user_input.busy and imgui.is_mouse_released(button):
                 user_input.release(pixel, button, **held)
         if is_over_view and io.mouse_wheel:

@@ -63,7 +63,7 @@ def draw_source(app: App, tool: MapTool, area: Area, texture: int | None) -> Non
         _draw_options(app, tool)
         if tool.last_mapping is not None:
             with use_small_text():
-                for line in _list_quality_lines(*tool.last_mapping[2:]):
+                for line in list_quality_lines(*tool.last_mapping[2:]):
                     draw_note(line)
 
 
@@ -122,7 +122,7 @@ def _draw_options(app: App, tool: MapTool) -> None:
     imgui.end_popup()
 
 
-def _list_quality_lines(plan: Plan, quality: MotionQuality) -> list[str]:
+def list_quality_lines(plan: Plan, quality: MotionQuality) -> list[str]:
     """Returns the quality of a retargeted motion, line by line."""
     worst = ", ".join(limb.limb for limb in quality.worst_limbs[:2])
     if not quality.worst_limbs:

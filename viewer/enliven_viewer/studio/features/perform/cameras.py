@@ -128,10 +128,10 @@ class CameraSearch:
         """Fetches the results of finished searches and tests. Call once per frame."""
         if self._search is not None and self._search[0].poll() is not None:
             (process, out), self._search = self._search, None
-            self._handle_search(_read_and_close(out), bool(process.returncode))
+            self.handle_search(_read_and_close(out), bool(process.returncode))
         if self._search_process is not None and self._search_process[0].poll() is not None:
             (process, output, camera, path), self._search_process = self._search_process, None
-            self._handle_test(camera, _read_and_close(output), path, bool(process.returncode))
+            self.handle_test(camera, _read_and_close(output), path, bool(process.returncode))
 
     def close(self) -> None:
         """Ends search and test, and removes their files."""
@@ -145,7 +145,7 @@ class CameraSearch:
             self._folder.cleanup()
             self._folder = None
 
-    def _handle_search(self, text: str, failed: bool) -> None:
+    def handle_search(self, text: str, failed: bool) -> None:
         """Reads the list from the last line of the edge's output."""
         try:
             self.cameras = tuple(msgspec.json.decode(text.strip().splitlines()[-1], type=list[Camera]))
@@ -159,7 +159,7 @@ class CameraSearch:
                 else ""
             )
 
-    def _handle_test(self, camera: Camera, output: str, path: Path, failed: bool) -> None:
+    def handle_test(self, camera: Camera, output: str, path: Path, failed: bool) -> None:
         """Stores the image of a test, or the error."""
         lines = [line.strip() for line in output.splitlines() if line.strip()]
         if failed or not path.is_file():

@@ -18,7 +18,7 @@ from enliven_viewer.studio.app.style import pack_colour
 from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.theme import BAD, GLASS, GOOD, INK, SHADOW, WAIT, Colour, get_performer_colour
 
-_PERFORMER_TEXT_SIZE = 26.0
+PERFORMER_TEXT_SIZE_PX = 26.0
 """Text size in pixels of the lines about performers. It is readable from three metres."""
 _CHARACTER_SIZE_TEXT_SIZE = 64.0
 """Text size in pixels of a character's size. The performer who scales the character reads it from across the
@@ -40,7 +40,7 @@ _UTTERANCE_BOTTOM = 96.0
 """Distance in pixels from the top of the view to the bottom of the recognised words. They are below the
 recording time.
 """
-_LINE_PADDING = 14.0
+LINE_PADDING_PX = 14.0
 """Total height in pixels of the margins above and below a line of large text."""
 _GAP = 8.0
 """Gap in pixels between the text of an overlay and the recognised words."""
@@ -161,7 +161,7 @@ def find_utterance_bottom(text_bottom: float) -> float:
 
     It is below the overlay's text, which ends ``text_bottom`` pixels from the top; 0 without text.
     """
-    below_text = text_bottom + _GAP + _PERFORMER_TEXT_SIZE + _LINE_PADDING
+    below_text = text_bottom + _GAP + PERFORMER_TEXT_SIZE_PX + LINE_PADDING_PX
     return max(below_text, _UTTERANCE_BOTTOM) if text_bottom else _UTTERANCE_BOTTOM
 
 
@@ -178,11 +178,11 @@ def _draw_line(draw_list: imgui.ImDrawList, area: Area, bottom: float, text: str
     """Draws one centred line of large text above ``bottom``."""
     max_width = area.width - 90.0
     size = min(
-        _PERFORMER_TEXT_SIZE,
-        _PERFORMER_TEXT_SIZE * max_width / max(_measure_width(text, _PERFORMER_TEXT_SIZE), 1.0),
+        PERFORMER_TEXT_SIZE_PX,
+        PERFORMER_TEXT_SIZE_PX * max_width / max(_measure_width(text, PERFORMER_TEXT_SIZE_PX), 1.0),
     )
     width = _measure_width(text, size)
-    left, top = area.x + (area.width - width) / 2, bottom - size - _LINE_PADDING
+    left, top = area.x + (area.width - width) / 2, bottom - size - LINE_PADDING_PX
     low, high = ImVec2(left - 44, top), ImVec2(left + width + 20, bottom)
     draw_list.add_rect_filled(low, high, pack_colour((*GLASS[:3], 0.85)), 12.0)
     draw_list.add_circle_filled(ImVec2(left - 22, top + 7 + size / 2), 8.0, pack_colour(tint))

@@ -155,7 +155,7 @@ class PossessionRequests:
             # during this time.
             is_coming = press.is_accepted or (live.is_local and not len(live.document.timeline))
             return "" if is_coming else stage.describe_missing_edge()
-        name, phase = press.character, self._scan_message.phase
+        name, phase = press.character, self.scan_message.phase
         state = stage.staged.sender.states.get(name, "")
         if state.startswith("refused"):
             return tr("{0} cannot be put on the stage. {1}", name, state.removeprefix("refused: "))
@@ -186,11 +186,11 @@ class PossessionRequests:
             return stage.describe_missing_edge()
         if not stage.connected or not (stage.stage_ids or stage.client.edges[0].has_all_characters):
             return live.preparation_text
-        if self._scan_message.phase == "finishing":
+        if self.scan_message.phase == "finishing":
             press.of_scan = True
             return tr("The scan is being turned into a character")
         if press.of_scan:
-            press.character = self._scan_message.character
+            press.character = self.scan_message.character
         if waiting := self._describe_missing_character(press):
             return waiting
         now = time.monotonic()
@@ -262,7 +262,7 @@ class PossessionRequests:
         self._stage.editor.toasts.show_message(problem[:1].upper() + problem[1:].removesuffix("."), remedy)
 
     @property
-    def _scan_message(self) -> ScanMessage:
+    def scan_message(self) -> ScanMessage:
         """Returns the state of the edge's scan."""
         client = self._stage.client
         return (None if client is None else client.latest(SCAN).get("")) or ScanMessage()

@@ -59,7 +59,7 @@ class StageSender:
         now = time.monotonic()
         for name, sent in list(self._sent.items()):
             character = project.characters.get(name)
-            if character is not None and _differs_in_motion_only(character, sent):
+            if character is not None and differs_in_motion_only(character, sent):
                 self._sent[name] = character
                 continue
             if character is None or character is sent or self.states[name].startswith("refused"):
@@ -108,7 +108,7 @@ class StageSender:
             self._show_message(tr("{0} was removed from the stage", name), "")
 
 
-def _differs_in_motion_only(character: RigBase, sent: RigBase) -> bool:
+def differs_in_motion_only(character: RigBase, sent: RigBase) -> bool:
     """Returns True if an edit changed only the motion of a character, and the edge does not need the motion.
 
     Such an edit is not sent.

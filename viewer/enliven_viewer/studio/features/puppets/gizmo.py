@@ -2,6 +2,10 @@
 
 Red, green and blue are the world's x, y and z. Dragging an arrow moves the point along its axis, a square in
 the plane of two axes, and the ring parallel to the image.
+
+This module is used instead of ImGuizmo, because the sizes of ImGuizmo's targets and its colours cannot be set
+from Python. Its arrows are 24 pixels wide and its centre is 20 pixels wide, and a finger needs 44 pixels. The
+measurements are in ``docs/lab/gizmo.md``.
 """
 
 from __future__ import annotations
@@ -23,10 +27,16 @@ _SQUARE_START_PX = 24.0
 """Distance in pixels along both axes at which a square begins, so that it does not cover the ring."""
 _SQUARE_END_PX = 42.0
 """Distance in pixels along both axes at which a square ends: half of an arrow."""
-_GRAB_DISTANCE_PX = 8.0
-"""Distance in pixels within which an arrow can be grabbed."""
+_GRAB_DISTANCE_PX = 12.0
+"""Distance in pixels within which a mouse or a pen can grab an arrow. It is the distance of ImGuizmo."""
+FINGER_GRAB_DISTANCE_PX = 22.0
+"""Distance in pixels from the middle of a part within which a finger can grab it. So the target is 44 pixels
+wide, a common guideline, because a fingertip covers about 9 mm.
+"""
 _RING_RADIUS_PX = 13.0
 """Radius of the ring in pixels."""
+_ARROW_START_PX = 16.0
+"""Distance in pixels from the gizmo's position at which an arrow begins, outside of the ring."""
 _MIN_FORESHORTENING = 0.2
 """Parts with a smaller foreshortening factor are hidden. A square seen edge-on, or an arrow seen end-on,
 cannot be grabbed.
@@ -61,18 +71,30 @@ class Gizmo:
         point = np.array(pixel)
         if np.linalg.norm(point - centre) <= _RING_RADIUS_PX:
             return "view"
-        arrow_distances = [
-            (self._measure_arrow_distance(centre, tips[axis], point), axis)
-            for axis in range(3)
-            if self._find_foreshortening(axis) > _MIN_FORESHORTENING
-        ]
-        distance, axis = min(arrow_distances, default=(np.inf, 0))
+        distance, part = min(self._measure_arrow_distances(centre, tips, point), default=(np.inf, ""))
         if distance <= _GRAB_DISTANCE_PX:
-            return GIZMO_PARTS[axis]
+            return part
         for axis in range(3):
             if self._is_square_visible(axis) and _is_inside(self._find_square(axis), point):
                 return GIZMO_PARTS[3 + axis]
         return ""
+
+    def find_nearest_part(self, pixel: Point) -> str:
+        """Returns the name of the part that a finger at a pixel can grab, or an empty string. The part with
+        the nearest middle is chosen.
+        """
+        centre, tips = self._project_arrows()
+        if not np.isfinite(centre).all() or not np.isfinite(tips).all():
+            return ""
+        point = np.array(pixel)
+        distances = [(float(np.linalg.norm(point - centre)), "view")]
+        distances += self._measure_arrow_distances(centre, tips, point)
+        for axis in range(3):
+            if self._is_square_visible(axis):
+                middle = self._find_square(axis).mean(0)
+                distances.append((float(np.linalg.norm(point - middle)), GIZMO_PARTS[3 + axis]))
+        distance, part = min(distances)
+        return part if distance <= FINGER_GRAB_DISTANCE_PX else ""
 
     def drag_offset(self, part: str, start: Point, now: Point, *, snap: bool) -> Float | None:
         """Returns the movement (3,) in metres of the world for a drag of a part between two pixels. Returns
@@ -149,7 +171,7 @@ class Gizmo:
     def _make_arrow(self, axis: int, colour: Paint) -> Float32:
         arrow_vector, pixel = np.eye(3)[axis] * self.pixel, self.pixel
         ends = (
-            np.array([16.0, ARROW_LENGTH_PX * (1 - _CONE_FRACTION), ARROW_LENGTH_PX])[:, None] * arrow_vector
+            np.outer([_ARROW_START_PX, ARROW_LENGTH_PX * (1 - _CONE_FRACTION), ARROW_LENGTH_PX], arrow_vector)
             + self.place
         )
         tints = linear_from_srgb(np.array([colour, colour], float))
@@ -184,6 +206,14 @@ class Gizmo:
         corners = np.array([self.place + a * first + b * second for a, b in ends])
         return self.lens.project(corners)[0]
 
+    def _measure_arrow_distances(self, centre: Float, tips: Float, point: Float) -> list[tuple[float, str]]:
+        """Returns the distance in pixels from each visible arrow, with the arrow's name."""
+        return [
+            (self._measure_arrow_distance(centre, tips[axis], point), GIZMO_PARTS[axis])
+            for axis in range(3)
+            if self._find_foreshortening(axis) > _MIN_FORESHORTENING
+        ]
+
     @staticmethod
     def _measure_arrow_distance(centre: Float, tip: Float, point: Float) -> float:
         """Returns the distance in pixels from the outer part of an arrow."""
@@ -191,7 +221,8 @@ class Gizmo:
         length = float(arrow_vector @ arrow_vector)
         if length < 1e-9:
             return np.inf
-        fraction = float(np.clip((point - centre) @ arrow_vector / length, 16.0 / ARROW_LENGTH_PX, 1.05))
+        start = _ARROW_START_PX / ARROW_LENGTH_PX
+        fraction = float(np.clip((point - centre) @ arrow_vector / length, start, 1.05))
         return float(np.linalg.norm(centre + fraction * arrow_vector - point))
 
     def _project_on_axis(self, axis: int, pixel: Point) -> float:

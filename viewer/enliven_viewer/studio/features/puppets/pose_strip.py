@@ -105,7 +105,7 @@ def _draw_head(app: App, puppet: ExampleCharacter, coverage: TakeCoverage | None
     if coverage is not None and puppet.points:
         imgui.same_line(0, 14)
         with use_small_text(), push_colours(QUIET if coverage.needed else GOOD, imgui.Col_.text):
-            imgui.text_unformatted(_make_status_text(coverage, len(puppet.poses)))
+            imgui.text_unformatted(make_status_text(coverage, len(puppet.poses)))
         if imgui.is_item_hovered():
             imgui.set_tooltip(
                 tr(
@@ -122,7 +122,8 @@ def _draw_head(app: App, puppet: ExampleCharacter, coverage: TakeCoverage | None
     imgui.pop_style_var()
 
 
-def _make_status_text(coverage: TakeCoverage, count: int) -> str:
+def make_status_text(coverage: TakeCoverage, count: int) -> str:
+    """Returns the number of key poses that a take still needs, as a text."""
     if count == 0:
         return tr("key poses that {1} needs: about {0}", coverage.needed, coverage.take)
     if coverage.needed == 0:

@@ -102,6 +102,11 @@ class PuppetTool(Tool):
         if self.hovered_part:
             return
         hit = find_joint_at([standing], lens, pointer.at, self.editor.settings.reach)
+        if hit is None and pointer.is_finger and manipulator is not None:
+            # Nothing is exactly below the finger. So it grabs the nearest part of the gizmo.
+            self.hovered_part = manipulator.find_nearest_part(pointer.at)
+            if self.hovered_part:
+                return
         self.hovered_point = None if hit is None else hit.handle
         if hit is None and len(standing.character.mesh.faces) <= _MAX_HOVER_FACES:
             self.hovered_vertex = self._vertex_at(standing, pointer)

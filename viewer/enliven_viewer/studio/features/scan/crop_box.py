@@ -74,7 +74,7 @@ class CropBox:
         if self._held_handle is None:
             return
         end, axis = self._held_handle
-        through, eye, ray = self._find_handle(end, axis), lens.view.eye, lens.ray(pixel)
+        through, eye, ray = self.find_handle(end, axis), lens.view.eye, lens.ray(pixel)
         # Compute the point on the line of the handle that is closest to the pointer's ray.
         across = np.cross(np.eye(3)[axis], ray)
         square = float(across @ across)
@@ -117,12 +117,12 @@ class CropBox:
                 lines.append(Line(ends, (*ACCENT[:3], _BOX_OPACITY), 2.0))
         discs = []
         for end, axis in product((0, 1), range(3)):
-            for pixel in lens.project_visible(self._find_handle(end, axis)[None]):
+            for pixel in lens.project_visible(self.find_handle(end, axis)[None]):
                 held = self._held_handle == (end, axis)
                 discs.append(Disc(pixel, _HANDLE_RADIUS_PX * (1.4 if held else 1.0), ACCENT))
         return (*lines, *discs)
 
-    def _find_handle(self, end: int, axis: int) -> Float:
+    def find_handle(self, end: int, axis: int) -> Float:
         """Returns the centre (3,) in metres of the low (``end`` 0) or high (``end`` 1) side along an axis."""
         middle = np.asarray(self.corners.mean(0))
         middle[axis] = self.corners[end, axis]
@@ -132,6 +132,6 @@ class CropBox:
         """Returns each handle in front of the camera, with its distance in pixels from a point."""
         distances = []
         for side in product((0, 1), range(3)):
-            for pixel in lens.project_visible(self._find_handle(*side)[None]):
+            for pixel in lens.project_visible(self.find_handle(*side)[None]):
                 distances.append((side, float(np.hypot(pixel[0] - at[0], pixel[1] - at[1]))))
         return distances
