@@ -34,7 +34,7 @@ def cache_kernel_on_disk(kernel: Any) -> Any:
     return kernel
 
 
-class KernelCache(_Cache):  # type: ignore[misc]
+class KernelCache(_Cache):
     """The cache of one kernel. It loads and saves machine code, with one file per combination of argument
     types."""
 

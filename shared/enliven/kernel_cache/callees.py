@@ -43,7 +43,7 @@ def is_callee(compiled: CompileResult) -> bool:
     return isinstance(compiled.library, KernelLibrary) and not compiled.library.has_entry_point
 
 
-class KernelLibrary(JITCodeLibrary):  # type: ignore[misc]
+class KernelLibrary(JITCodeLibrary):
     """The code of one compiled function and of its callees.
 
     Attributes:
@@ -79,7 +79,7 @@ class KernelLibrary(JITCodeLibrary):  # type: ignore[misc]
                 self.codegen.set_env(variable.name, environment)
 
 
-class KernelCompiler(Compiler):  # type: ignore[misc]
+class KernelCompiler(Compiler):
     """Numba's compiler, which leaves out the entry point for Python if the function is a callee."""
 
     def define_pipelines(self) -> Any:
@@ -89,7 +89,7 @@ class KernelCompiler(Compiler):  # type: ignore[misc]
         return super().define_pipelines()
 
 
-class KernelDispatcher(CPUDispatcher):  # type: ignore[misc]
+class KernelDispatcher(CPUDispatcher):
     """The compiled variants of a function. Python can call a variant only if it is not a callee.
 
     Args:

@@ -20,7 +20,7 @@ _EVENT = "numba:compile"
 event."""
 
 
-class CompilationCounter(event.Listener):  # type: ignore[misc]
+class CompilationCounter(event.Listener):
     """A listener that counts the compiled functions of this process. Numba compiles in one thread at a time,
     under a lock.
 

@@ -29,7 +29,7 @@ _ENVIRONMENT_READER = ("numba.core.environment", "_rebuild_env")
 """Module and name of Numba's function that reads the environment of a function: its constants and globals."""
 
 
-class StoredLibrary(JITCodeLibrary):  # type: ignore[misc]
+class StoredLibrary(JITCodeLibrary):
     """Machine code from a file. Its bitcode is parsed only when a kernel that includes it is compiled.
 
     Args:
