@@ -10,11 +10,28 @@ POLL_INTERVAL_S = 0.005
 """Interval between two checks, seconds."""
 
 
-def wait_until(done: Callable[[], Any], what: str = "it", patience: float = TIMEOUT_S) -> Any:
+def wait_until(
+    done: Callable[[], Any],
+    what: str = "it",
+    patience: float = TIMEOUT_S,
+    *,
+    step: Callable[[], Any] | None = None,
+    interval: float = POLL_INTERVAL_S,
+) -> Any:
     """Polls until the condition is true and returns its value. Raises AssertionError with ``what`` after the
-    timeout."""
+    timeout.
+
+    Args:
+        done: returns the condition.
+        what: the subject of the error message.
+        patience: timeout in seconds.
+        step: is called after each check, for example to run a program of this process.
+        interval: seconds between two checks.
+    """
     deadline = time.monotonic() + patience
     while not (answer := done()):
         assert time.monotonic() < deadline, f"{what} never came to be within {patience:g} s"
-        time.sleep(POLL_INTERVAL_S)
+        if step is not None:
+            step()
+        time.sleep(interval)
     return answer

@@ -23,16 +23,16 @@ class StagedSession:
     """An edge in this process, and a session that follows it."""
 
     def __init__(self, folder: Path, *actors: Actor) -> None:
-        self.house, self.editor = ScanningEdge(actors), Editor()
+        self.scanning_edge, self.editor = ScanningEdge(actors), Editor()
         self.perform = PerformSession(self.editor, folder)
         self.perform.active_workspace = "Perform"
-        self.house.followers.append(self)
+        self.scanning_edge.followers.append(self)
         self.count, self.present = 0, list[Body]()
 
     def connect(self) -> None:
         """Follows the edge, and waits until its characters have arrived."""
-        self.perform.connect(str(self.house.outlet.publisher.endpoint))
-        self.until(lambda: len(self.perform.stage_ids) == len(self.house.stage.actors))
+        self.perform.connect(str(self.scanning_edge.outlet.publisher.endpoint))
+        self.until(lambda: len(self.perform.stage_ids) == len(self.scanning_edge.stage.actors))
 
     def poll(self) -> None:
         """Advances the session, as each frame of the window does."""
@@ -43,10 +43,10 @@ class StagedSession:
 
         def after_a_frame() -> object:
             self.count += 1
-            self.house.edge.step(BodyFrame(list(self.present), self.count * STEP, "reel"))
+            self.scanning_edge.edge.step(BodyFrame(list(self.present), self.count * STEP, "reel"))
             return done()
 
-        self.house.until(after_a_frame, what)
+        self.scanning_edge.until(after_a_frame, what)
 
     def run_frames(self, count: int) -> None:
         """Runs ``count`` frames."""
@@ -82,4 +82,4 @@ def staged_sessions(folder: Path) -> Iterator[Callable[..., StagedSession]]:
     yield make
     for session in opened:
         session.perform.disconnect()
-        session.house.close()
+        session.scanning_edge.close()

@@ -67,12 +67,12 @@ def test_on_four_feet_arms_are_forelegs(name):
 @pytest.mark.parametrize("name", BEASTS)
 def test_a_raised_arm_raises_a_foreleg_and_no_other(name):
     actor = create_actor(str(MESHES / name), 128, ActorSettings(how="mapped", fade=0.0))
-    (key,) = (house := Stage([actor])).actors
-    house.perform([person()], 0)
-    house.possess(key)
-    still = house.perform([person()], FRAME)[0]
+    (key,) = (stage := Stage([actor])).actors
+    stage.perform([person()], 0)
+    stage.possess(key)
+    still = stage.perform([person()], FRAME)[0]
     for i in range(26):
-        pose = house.perform([person(0.8 * i / 25)], (i + 2) * FRAME)[0]
+        pose = stage.perform([person(0.8 * i / 25)], (i + 2) * FRAME)[0]
     moved = np.linalg.norm(pose.positions - still.positions, axis=1)
     joints = actor.likeness.joints
     apart = np.linalg.norm(actor.graph.positions[:, None] - joints, axis=2)

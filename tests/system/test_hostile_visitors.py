@@ -44,143 +44,147 @@ from enliven_viewer.link.edge_client import EdgeClient
 
 from ..edge.matching.rigs_for_stage import person
 from ..shared.test_logs_escaped import EVIL, is_safe
-from .hostile_house import BOX_DATA, BOX_MESH, House
+from .exposed_edge import BOX_DATA, BOX_MESH, ExposedEdge
 
 VISITORS = int(os.environ.get("ENLIVEN_VISITORS", "300"))
 """Number of characters that are added and removed in the soak test. `make test-long` sets 10,000."""
 
 
 @pytest.fixture
-def house() -> Iterator[House]:
-    started = House()
+def exposed() -> Iterator[ExposedEdge]:
+    started = ExposedEdge()
     yield started
     started.close()
 
 
 @pytest.mark.parametrize("revision", [2**53, MAX_REVISION, MAX_REVISION + 1, 1 + 2 * MAX_REVISION_JUMP])
-def test_a_revision_that_jumps_is_refused_and_newcomers_still_join(house: House, revision: int) -> None:
-    rude = house.visitor()
+def test_a_revision_that_jumps_is_refused_and_newcomers_still_join(
+    exposed: ExposedEdge, revision: int
+) -> None:
+    rude = exposed.visitor()
     answer = rude.put("chair", revision)
     assert isinstance(answer, Refused) and f"revision {revision}" in answer.reason
     assert "Send revision 1." in answer.reason
     assert rude.put("chair", 1) == Done()
     rude.ask(RemoveCharacter("chair"))
     assert rude.put("chair", MAX_REVISION_JUMP) == Done()
-    newcomer = EdgeClient([house.outlet.publisher.endpoint])
-    house.until(lambda: "chair" in newcomer.characters, newcomer.poll)
+    newcomer = EdgeClient([exposed.outlet.publisher.endpoint])
+    exposed.until(lambda: "chair" in newcomer.characters, newcomer.poll)
     newcomer.close()
 
 
-def test_the_artist_replaces_a_character_that_a_visitor_put_as_high_as_it_may(house: House) -> None:
-    rude, artist = house.visitor(), EdgeClient([house.outlet.publisher.endpoint])
+def test_the_artist_replaces_a_character_that_a_visitor_put_as_high_as_it_may(exposed: ExposedEdge) -> None:
+    rude, artist = exposed.visitor(), EdgeClient([exposed.outlet.publisher.endpoint])
     highest = 0
     for _ in range(3):
         highest += MAX_REVISION_JUMP
         assert rude.put("chair", highest, BOX_DATA) == Done()
         rude.ask(RemoveCharacter("chair"))
     assert rude.put("chair", highest) == Done()
-    house.until(lambda: artist.edges[0].has_all_characters, artist.poll)
+    exposed.until(lambda: artist.edges[0].has_all_characters, artist.poll)
     shown = artist.edges[0].revision("chair")
     assert highest <= shown <= highest + 1
     digest = hashlib.sha256(BOX_DATA).digest()
-    assert house.visitor().ask(PutCharacter("chair", shown + 1, digest, len(BOX_DATA))) == Done(), "the same"
+    assert exposed.visitor().ask(PutCharacter("chair", shown + 1, digest, len(BOX_DATA))) == Done(), (
+        "the same"
+    )
     answers: list[object] = []
     artist.stage.put(project_of_mesh(load_sample("chair"), "chair"), "chair", then=answers.append)
-    house.until(lambda: answers, artist.poll)
+    exposed.until(lambda: answers, artist.poll)
     assert answers == [Done()]
-    house.until(lambda: len(artist.characters["chair"].vertices) > 100, artist.poll)
+    exposed.until(lambda: len(artist.characters["chair"].vertices) > 100, artist.poll)
     artist.close()
 
 
-def put_box(house: House, artist: EdgeClient) -> None:
+def put_box(exposed: ExposedEdge, artist: EdgeClient) -> None:
     """Puts a box onto the stage as the artist's window does, and waits until it is there."""
-    house.until(lambda: artist.status is not None and artist.edges[0].has_all_characters, artist.poll)
+    exposed.until(lambda: artist.status is not None and artist.edges[0].has_all_characters, artist.poll)
     answers: list[object] = []
     artist.stage.put(project_of_mesh(BOX_MESH, "box"), "box", then=answers.append)
-    house.until(lambda: answers, artist.poll)
+    exposed.until(lambda: answers, artist.poll)
     assert answers == [Done()]
 
 
 def test_artist_continues_with_a_restarted_edge() -> None:
     """The artist's revision is higher than a new edge accepts as the first one."""
-    house = House()
-    endpoint = house.outlet.publisher.endpoint
-    rude, artist = house.visitor(), EdgeClient([endpoint])
+    exposed = ExposedEdge()
+    endpoint = exposed.outlet.publisher.endpoint
+    rude, artist = exposed.visitor(), EdgeClient([endpoint])
     assert rude.put("box", MAX_REVISION_JUMP) == Done()
     rude.ask(RemoveCharacter("box"))
-    put_box(house, artist)
+    put_box(exposed, artist)
     edge = artist.edges[0]
-    house.until(lambda: edge.revision("box") > MAX_REVISION_JUMP, artist.poll)
+    exposed.until(lambda: edge.revision("box") > MAX_REVISION_JUMP, artist.poll)
     before = edge.instance
-    house.close()
-    house = House(ports=(endpoint.pose_port, endpoint.control_port))
-    house.until(lambda: edge.instance != before, artist.poll)
-    put_box(house, artist)
-    house.until(lambda: edge.revision("box") == 1, artist.poll)
-    house.close()
+    exposed.close()
+    exposed = ExposedEdge(ports=(endpoint.pose_port, endpoint.control_port))
+    exposed.until(lambda: edge.instance != before, artist.poll)
+    put_box(exposed, artist)
+    exposed.until(lambda: edge.revision("box") == 1, artist.poll)
+    exposed.close()
     artist.close()
 
 
 def test_the_stage_takes_a_limited_number_of_characters_in_all_and_of_each_visitor() -> None:
-    house = House(StageSettings(characters=4, per_viewer=2))
-    rude, artist = house.visitor(), house.visitor()
+    exposed = ExposedEdge(StageSettings(characters=4, per_viewer=2))
+    rude, artist = exposed.visitor(), exposed.visitor()
     assert [rude.put(name) for name in "ab"] == [Done(), Done()]
     refused = rude.put("c")
     assert isinstance(refused, Refused) and "this viewer already has 2 characters" in refused.reason
     assert "per_viewer under [stage]" in refused.reason
     assert [artist.put(name) for name in "xy"] == [Done(), Done()]
-    refused = house.visitor().put("z")
+    refused = exposed.visitor().put("z")
     assert isinstance(refused, Refused) and "the stage is full, because it has 4 characters" in refused.reason
     assert "Remove a character" in refused.reason and "characters under [stage]" in refused.reason
-    changed = house.visitor().put("x", 2, BOX_DATA)
+    changed = exposed.visitor().put("x", 2, BOX_DATA)
     assert changed == Done(), "one that has a place is replaced"
     rude.ask(RemoveCharacter("a"))
     assert rude.put("c") == Done()
-    assert list(house.stage.actors) == ["b", "x", "y", "c"]
-    house.close()
+    assert list(exposed.stage.actors) == ["b", "x", "y", "c"]
+    exposed.close()
 
 
 def test_reconnecting_visitors_share_the_quota_of_their_address() -> None:
-    house = House(StageSettings(characters=8, per_viewer=2))
+    exposed = ExposedEdge(StageSettings(characters=8, per_viewer=2))
     for name in "ab":
-        visitor = house.visitor()
+        visitor = exposed.visitor()
         assert visitor.put(name) == Done()
         visitor.close()
-    house.until(lambda: not list(house.outlet.publisher._server.connections))
-    refused = house.visitor().put("c")
+    exposed.until(lambda: not list(exposed.outlet.publisher._server.connections))
+    refused = exposed.visitor().put("c")
     assert isinstance(refused, Refused) and "this viewer already has 2" in refused.reason
-    house.close()
+    exposed.close()
 
 
 def test_default_stage_holds_sixteen_characters() -> None:
-    house = House()
+    exposed = ExposedEdge()
     for number in range(20):
-        house.stage.places.watch(lambda k=number: [(f"coming {k}", None)])
+        exposed.stage.places.watch(lambda k=number: [(f"coming {k}", None)])
         if number < 15:
-            house.stage.places.check("mine", None)
-    refused = house.visitor().announce("mine")[1]
+            exposed.stage.places.check("mine", None)
+    refused = exposed.visitor().announce("mine")[1]
     assert isinstance(refused, Refused) and "full" in refused.reason
-    house.close()
+    exposed.close()
 
 
-def test_undelivered_characters_do_not_block_the_artist(house: House) -> None:
+def test_undelivered_characters_do_not_block_the_artist(exposed: ExposedEdge) -> None:
     """One visitor reserves four characters and thirty others one each. The artist's character is added at
     once.
     """
-    rude = house.visitor()
+    rude = exposed.visitor()
     for name in "abcd":
         rude.announce(name)
     for number in range(30):
-        house.visitor().announce(f"never {number % 10}")
-    assert house.visitor().put("mine") == Done()
-    assert list(house.stage.actors) == ["mine"]
+        exposed.visitor().announce(f"never {number % 10}")
+    assert exposed.visitor().put("mine") == Done()
+    assert list(exposed.stage.actors) == ["mine"]
 
 
 @pytest.mark.parametrize("bytes_each", [0, 1])
 def test_reservations_expire_without_enough_data(
-    house: House, monkeypatch: pytest.MonkeyPatch, bytes_each: int
+    exposed: ExposedEdge, monkeypatch: pytest.MonkeyPatch, bytes_each: int
 ) -> None:
-    rude = house.visitor()
+    rude = exposed.visitor()
     orders = [rude.announce(name)[0] for name in "abcd"]
     received = dict.fromkeys("abcd", 0)
     assert isinstance(rude.announce("e")[1], Refused), "four characters are reserved"
@@ -196,14 +200,14 @@ def test_reservations_expire_without_enough_data(
                 else:
                     del received[order.id]
 
-    house.until(lambda: rude.announce("e")[1] == Awaited(0), trickle)
+    exposed.until(lambda: rude.announce("e")[1] == Awaited(0), trickle)
     assert all(rude.announce(name)[1] == Awaited(0) for name in "abc"), "all four have expired"
 
 
-def latched(house: House) -> list[tuple[str, str]]:
+def latched(exposed: ExposedEdge) -> list[tuple[str, str]]:
     """Returns topic and key of each stored message that a new viewer receives."""
-    welcome = house.visitor().ask(Hello("newcomer", True))
-    house.visitors.pop().close()
+    welcome = exposed.visitor().ask(Hello("newcomer", True))
+    exposed.visitors.pop().close()
     assert isinstance(welcome, Welcome)
     latest = [unpack_stream(each) for each in welcome.latest]
     return [(topic.name, topic.key(message)) for topic, message in latest]
@@ -222,61 +226,63 @@ def memory() -> float:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
-def test_departed_characters_leave_no_memory(house: House, capsys: pytest.CaptureFixture[str]) -> None:
+def test_departed_characters_leave_no_memory(
+    exposed: ExposedEdge, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Characters are added, attached, resized and removed. Memory and messages to new viewers do not grow."""
-    viewer, visitor = EdgeClient([house.outlet.publisher.endpoint]), house.visitor()
-    house.until(lambda: viewer.status is not None, viewer.poll)
+    viewer, visitor = EdgeClient([exposed.outlet.publisher.endpoint]), exposed.visitor()
+    exposed.until(lambda: viewer.status is not None, viewer.poll)
     graph = DeformationGraph.build(BOX_MESH, nodes=8)
     box = character_from_graph(BOX_MESH, graph, "box")
-    house.people = [person()]
+    exposed.people = [person()]
     counts: list[int] = []
     used: list[float] = []
     for number in range(VISITORS):
         name = f"guest {number}"
-        house.stage.place_actor(box_actor(graph, box, name))
-        house.frame()
-        house.edge.carry_out(Resize("set", name, size=1.5))
+        exposed.stage.place_actor(box_actor(graph, box, name))
+        exposed.frame()
+        exposed.edge.carry_out(Resize("set", name, size=1.5))
         if number % 10 == 0:  # attaching and network requests take longer than everything else
             assert visitor.ask(Possess(name)) == Done()
-            house.frame()
+            exposed.frame()
             assert visitor.ask(Release(name)) == visitor.ask(RemoveCharacter(name)) == Done()
         else:
-            house.frame()
-            house.edge.carry_out(RemoveCharacter(name))
-        house.frame()
+            exposed.frame()
+            exposed.edge.carry_out(RemoveCharacter(name))
+        exposed.frame()
         viewer.poll()
         if number % (VISITORS // 6) == VISITORS // 6 - 1:
-            house.frame()
-            counts.append(len(latched(house)))
+            exposed.frame()
+            counts.append(len(latched(exposed)))
             used.append(memory())
     with capsys.disabled():
         if VISITORS > 1000:
             print(f"\n{VISITORS} characters: latched {counts}, MB {[round(each, 1) for each in used]}")
     about = [name for name, topic in STREAMS.items() if topic.is_per_character]
-    assert len({*counts}) == 1 and not {name for name, _ in latched(house)} & {*about}
+    assert len({*counts}) == 1 and not {name for name, _ in latched(exposed)} & {*about}
     assert used[-1] - used[1] < 8.0, f"memory grows: {used}"
-    house.until(lambda: viewer.edges[0].has_all_characters, viewer.poll)
+    exposed.until(lambda: viewer.edges[0].has_all_characters, viewer.poll)
     kept = {key for name in about for key in viewer.edges[0].values.latest.get(name, ())}
     assert kept <= {f"guest {VISITORS - 1}"}, "the viewer forgets them, too"
-    house.stage.place_actor(box_actor(graph, box, "last"))
-    newcomer = EdgeClient([house.outlet.publisher.endpoint])
-    house.until(lambda: "last" in newcomer.characters, newcomer.poll, viewer.poll)
-    assert isinstance(house.visitor().ask(GetState("guest 1")), Refused)
+    exposed.stage.place_actor(box_actor(graph, box, "last"))
+    newcomer = EdgeClient([exposed.outlet.publisher.endpoint])
+    exposed.until(lambda: "last" in newcomer.characters, newcomer.poll, viewer.poll)
+    assert isinstance(exposed.visitor().ask(GetState("guest 1")), Refused)
     newcomer.close()
     viewer.close()
 
 
 @pytest.mark.parametrize("evil", EVIL.values(), ids=EVIL.keys())
 def test_text_from_a_visitor_is_escaped_in_the_log(
-    house: House, evil: str, caplog: pytest.LogCaptureFixture
+    exposed: ExposedEdge, evil: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     if "\ud800" in evil:
         pytest.skip("the wire does not carry lone surrogates")
-    visitor = house.visitor()
+    visitor = exposed.visitor()
     with caplog.at_level(logging.DEBUG):
         assert visitor.ask(Hello(evil)) is not None
         assert visitor.put(evil) == Done()
-        house.edge.carry_out(Resize("set", evil, size=1.5))
+        exposed.edge.carry_out(Resize("set", evil, size=1.5))
         damaged = BOX_DATA[:-40] + bytes(40)
         refusals = [
             visitor.put(evil, 2, damaged),

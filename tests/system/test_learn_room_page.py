@@ -17,7 +17,7 @@ from enliven.kiosk.profile import KioskEdge, KioskProfile
 from enliven.wire import LearnRoom, Order
 from enliven_edge.network.handlers import Handler
 
-from .hostile_house import House
+from .exposed_edge import ExposedEdge
 
 
 @pytest.fixture(autouse=True)
@@ -31,13 +31,13 @@ def own_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @contextlib.contextmanager
-def running(house: House) -> Iterator[None]:
+def running(exposed: ExposedEdge) -> Iterator[None]:
     """Runs an edge in the background."""
     is_over = threading.Event()
 
     def run() -> None:
         while not is_over.wait(0.005):
-            house.frame()
+            exposed.frame()
 
     thread = threading.Thread(target=run)
     thread.start()
@@ -46,7 +46,7 @@ def running(house: House) -> Iterator[None]:
     finally:
         is_over.set()
         thread.join(TIMEOUT_S)
-        house.close()
+        exposed.close()
 
 
 def press(page: Page) -> tuple[int, str]:
@@ -59,15 +59,15 @@ def press(page: Page) -> tuple[int, str]:
 
 
 def test_button_makes_the_edge_learn_the_room() -> None:
-    house = House()
+    exposed = ExposedEdge()
     done: list[Order] = []
-    address = str(house.outlet.publisher.endpoint)
-    with running(house), health_page(KioskProfile(edges={"floor": KioskEdge(address=address)})) as page:
+    address = str(exposed.outlet.publisher.endpoint)
+    with running(exposed), health_page(KioskProfile(edges={"floor": KioskEdge(address=address)})) as page:
         page.wait_for("action=room")
         # The sensor tracks people itself, so the real edge refuses to learn the room.
         status, text = press(page)
         assert status == 409 and "learns no room" in text
-        house.edge.handlers[LearnRoom] = Handler(done.append)
+        exposed.edge.handlers[LearnRoom] = Handler(done.append)
         assert press(page)[0] == 303
         assert done == [LearnRoom()] and "made floor learn the room again" in page.get("/")
         assert page.request("POST", "/room", body="subject=floor&token=wrong")[0] == 409

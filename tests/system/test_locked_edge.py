@@ -83,7 +83,7 @@ from enliven_edge.network.server import ZmtpServer
 from enliven_edge.settings import WireSettings
 from enliven_viewer.link.edge_client import EdgeClient
 
-from .hostile_house import BOX_DATA, House, Visitor
+from .exposed_edge import BOX_DATA, ExposedEdge, Visitor
 
 HEARD_S = 0.25
 """Time for which an unpaired client listens, seconds. A message would arrive within 0.05 s."""
@@ -103,10 +103,10 @@ class Locked:
             if role in ROLES:
                 self.store.add_viewer(PairedViewer(self.keys[role].public, role, role))  # type: ignore[arg-type]
         self.access = Access("stage", self.own, self.store, open_s=600.0)
-        self.house = House(access=self.access)
+        self.exposed = ExposedEdge(access=self.access)
         self.done: list[Order] = []
-        for kind, handler in list(self.house.edge.handlers.items()):
-            self.house.edge.handlers[kind] = handler.__class__(self.note)
+        for kind, handler in list(self.exposed.edge.handlers.items()):
+            self.exposed.edge.handlers[kind] = handler.__class__(self.note)
 
     def note(self, order: Order) -> None:
         self.done.append(order)
@@ -117,15 +117,15 @@ class Locked:
 
     @property
     def endpoint(self) -> Endpoint:
-        return self.house.outlet.publisher.endpoint
+        return self.exposed.outlet.publisher.endpoint
 
 
 @pytest.fixture
 def locked(tmp_path: Path) -> Iterator[Locked]:
     started = Locked(tmp_path)
-    started.house.until(lambda: True)
+    started.exposed.until(lambda: True)
     yield started
-    started.house.close()
+    started.exposed.close()
 
 
 def value(kind: type[Any]) -> Any:
@@ -138,19 +138,19 @@ def value(kind: type[Any]) -> Any:
 
 def exchange(locked: Locked, keys: ClientKeys | None, body: Ask, seconds: float = TIMEOUT_S) -> Any:
     """Returns the answer to a request, or None if none arrives within ``seconds``."""
-    visitor = locked.house.visitor(keys)
+    visitor = locked.exposed.visitor(keys)
     try:
         visitor.number += 1
         visitor.socket.send(pack_control(Request(visitor.number, body)))
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            locked.house.frame()
+            locked.exposed.frame()
             if visitor.socket.poll(0):
                 return unpack_control(visitor.socket.recv(), REPLY).body
             time.sleep(0.001)
         return None
     finally:
-        locked.house.visitors.remove(visitor)
+        locked.exposed.visitors.remove(visitor)
         visitor.close()
 
 
@@ -174,7 +174,7 @@ def test_a_request_that_the_table_lacks_needs_the_highest_role() -> None:
 def test_strangers_read_and_change_nothing_by_any_request(locked: Locked, kind: type[Ask], peer: str) -> None:
     seconds = HEARD_S if peer == "unpaired" else TIMEOUT_S
     answer = exchange(locked, locked.client_keys(peer), value(kind), seconds)
-    assert locked.done == [] and locked.house.outlet.viewers == 0
+    assert locked.done == [] and locked.exposed.outlet.viewers == 0
     if peer == "unpaired":
         assert answer is None
     else:
@@ -217,9 +217,9 @@ def test_only_paired_viewers_receive_any_stream(locked: Locked, peer: str) -> No
     heard: set[bytes] = set()
     deadline = time.monotonic() + (TIMEOUT_S if peer == "watch" else HEARD_S)
     while time.monotonic() < deadline and len(heard) < len(messages):
-        locked.house.frame()
+        locked.exposed.frame()
         for sent in messages.values():
-            locked.house.outlet.publisher.publish(sent)
+            locked.exposed.outlet.publisher.publish(sent)
         with contextlib.suppress(zmq.Again):
             while True:
                 heard.add(socket.recv(zmq.DONTWAIT).split(b"\0")[0])
@@ -256,7 +256,7 @@ def test_bytes_on_the_wire_are_not_readable(locked: Locked) -> None:
                     seen.extend(data)
                     target.sendall(data)
 
-    locked.house.until(lambda: viewer.poll(0), relay)
+    locked.exposed.until(lambda: viewer.poll(0), relay)
     reply = viewer.recv()
     assert b"Welcome" in reply and b"Welcome" not in seen and b"telling" not in seen
     context.destroy(linger=0)
@@ -266,12 +266,12 @@ def test_bytes_on_the_wire_are_not_readable(locked: Locked) -> None:
 
 
 def test_a_long_character_arrives_although_another_thread_encrypts_it(locked: Locked) -> None:
-    house, count = locked.house, 100_000
+    exposed, count = locked.exposed, 100_000
     vertices = np.random.default_rng(0).random((count, 3), np.float32)
     skin = SkinWeights(np.zeros((count, 4), np.uint16), np.tile(np.float32([1, 0, 0, 0]), (count, 1)))
     face, pivot = np.array([[0, 1, 2]], np.int32), np.zeros((1, 3), np.float32)
-    house.outlet.publisher.set_character(Character(SECRET, vertices, face, skin, pivot, face[:0, :2]))
-    watcher = house.visitor(locked.client_keys("watch"))
+    exposed.outlet.publisher.set_character(Character(SECRET, vertices, face, skin, pivot, face[:0, :2]))
+    watcher = exposed.visitor(locked.client_keys("watch"))
     for number in (1, 2, 3):
         watcher.socket.send(pack_control(Request(number, GetState(SECRET) if number != 2 else Ping("x", 0))))
     replies: list[bytes] = []
@@ -280,7 +280,7 @@ def test_a_long_character_arrives_although_another_thread_encrypts_it(locked: Lo
         if watcher.socket.poll(0):
             replies.append(watcher.socket.recv())
 
-    house.until(lambda: len(replies) == 3, hear)
+    exposed.until(lambda: len(replies) == 3, hear)
     assert [len(reply) > 3_000_000 for reply in replies] == [True, False, True]
     body = unpack_control(replies[0], REPLY).body
     assert isinstance(body, CharacterMessage) and body.vertices == vertices.tobytes()
@@ -301,7 +301,7 @@ def viewer_config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> KeyStore:
 def visit(locked: Locked, until: Any) -> EdgeClient:
     """Starts a viewer and polls it until a condition holds."""
     client = EdgeClient([locked.endpoint])
-    locked.house.until(lambda: until(client), client.poll)
+    locked.exposed.until(lambda: until(client), client.poll)
     return client
 
 
@@ -317,7 +317,7 @@ def run_beside(locked: Locked, function: Any) -> Any:
     """Runs a blocking function in another thread while the edge answers, and returns its result."""
     with ThreadPoolExecutor(1) as pool:
         future = pool.submit(function)
-        locked.house.until(future.done)
+        locked.exposed.until(future.done)
         return future.result()
 
 
@@ -333,14 +333,14 @@ def test_a_viewer_pairs_and_is_connected_without_a_restart(
     assert run_beside(locked, lambda: cli.run(words)) == 0
     output = capsys.readouterr().out
     assert "paired with stage in the role watch" in output and fingerprint(locked.own.public) in output
-    locked.house.until(lambda: state_of(client) == "connected", client.poll)
-    locked.house.until(lambda: client.edges[0].role == "watch", client.poll)
+    locked.exposed.until(lambda: state_of(client) == "connected", client.poll)
+    locked.exposed.until(lambda: client.edges[0].role == "watch", client.poll)
     own = viewer_config.load_own_pair()
     assert own is not None and locked.store.load_viewers()[own.public].role == "watch"
     answers: list[Any] = []
     client.ask(RemoveCharacter(SECRET))
     client.ask(Possess(), answers.append)
-    locked.house.until(lambda: answers, client.poll)
+    locked.exposed.until(lambda: answers, client.poll)
     assert isinstance(answers[0], Refused) and "role 'perform'" in answers[0].reason and locked.done == []
     client.close()
 
@@ -354,7 +354,7 @@ def test_forgotten_viewer_is_disconnected_and_notified(
     run_beside(locked, lambda: pair_with_edge(locked.endpoint, code, "edit", "laptop", viewer_config))
     client = visit(locked, lambda client: state_of(client) == "connected")
     locked.store.forget("laptop")
-    locked.house.until(lambda: state_of(client) == "no access", client.poll)
+    locked.exposed.until(lambda: state_of(client) == "no access", client.poll)
     assert "does not know this viewer's key" in text_of(client)
     client.close()
 
@@ -397,7 +397,7 @@ def test_viewers_of_the_edges_own_user_operate_it(locked: Locked, viewer_config:
     client = visit(locked, lambda client: client.edges[0].role == "operate")
     answers: list[Any] = []
     client.ask(Listen(False), answers.append)
-    locked.house.until(lambda: answers, client.poll)
+    locked.exposed.until(lambda: answers, client.poll)
     assert answers == [Done()] and locked.done == [Listen(False)]
     client.close()
 
@@ -441,70 +441,72 @@ def try_code(visitor: Visitor, code: str, public: bytes = b"x" * 32) -> Any:
 def test_a_code_tried_ten_times_over_the_network_pairs_nobody(locked: Locked) -> None:
     locked.access.open_pairing()
     code, before = locked.access.desk.code, locked.store.load_viewers()
-    reasons = [try_code(locked.house.visitor(), wrong(code)).reason for _ in range(9)]
+    reasons = [try_code(locked.exposed.visitor(), wrong(code)).reason for _ in range(9)]
     assert reasons[:MAX_TRIES_PER_CODE] == ["the pairing code is wrong"] * MAX_TRIES_PER_CODE
     assert all("too many tries" in reason for reason in reasons[MAX_TRIES_PER_CODE:])
-    assert "too many tries" in try_code(locked.house.visitor(), code).reason, "also the right one, the tenth"
+    assert "too many tries" in try_code(locked.exposed.visitor(), code).reason, (
+        "also the right one, the tenth"
+    )
     assert locked.store.load_viewers() == before
 
 
 def test_an_expired_code_and_a_closed_edge_pair_nobody(locked: Locked) -> None:
-    assert "pairing is closed" in try_code(locked.house.visitor(), "123456").reason
+    assert "pairing is closed" in try_code(locked.exposed.visitor(), "123456").reason
     clock = [1000.0]
     locked.access.desk = PairingCodes(clock=lambda: clock[0])
     locked.access.open_pairing()
     code = locked.access.desk.code
     clock[0] += CODE_LIFETIME_S
     assert locked.access.desk.code not in ("", code)
-    assert "wrong" in try_code(locked.house.visitor(), code).reason
+    assert "wrong" in try_code(locked.exposed.visitor(), code).reason
     clock[0] += 10 * CODE_LIFETIME_S
-    assert "pairing is closed" in try_code(locked.house.visitor(), code).reason
+    assert "pairing is closed" in try_code(locked.exposed.visitor(), code).reason
 
 
 def test_pairing_box_is_bound_to_its_connection(locked: Locked) -> None:
     locked.access.open_pairing()
     viewer = ViewerPairing(locked.access.desk.code)
-    started = locked.house.visitor().ask(StartPairing(viewer.message))
+    started = locked.exposed.visitor().ask(StartPairing(viewer.message))
     box = viewer.encrypt_introduction(started.message, Introduction(b"x" * 32, "me", "watch"))
-    answer = locked.house.visitor().ask(FinishPairing(box))
+    answer = locked.exposed.visitor().ask(FinishPairing(box))
     assert isinstance(answer, Refused) and "not started on this connection" in answer.reason
 
 
 def test_the_edge_grants_at_most_its_highest_role(tmp_path: Path) -> None:
     store = KeyStore(tmp_path / "keys")
     access = Access("stage", store.create_own_pair(), store, highest="perform", open_s=600)
-    house = House(access=access)
+    exposed = ExposedEdge(access=access)
     try:
         access.open_pairing()
-        assert isinstance(try_code(house.visitor(), access.desk.code), Paired)
+        assert isinstance(try_code(exposed.visitor(), access.desk.code), Paired)
         assert [viewer.role for viewer in store.load_viewers().values()] == ["perform"]
     finally:
-        house.close()
+        exposed.close()
 
 
 def test_only_operators_see_the_code_and_the_heartbeat_does_not_tell_it(locked: Locked) -> None:
-    operator = locked.house.visitor(locked.client_keys("operate"))
+    operator = locked.exposed.visitor(locked.client_keys("operate"))
     shown = operator.ask(ShowCode())
     assert isinstance(shown, ShownCode) and shown.code == locked.access.desk.code and shown.seconds > 0
-    publisher = locked.house.outlet.publisher
+    publisher = locked.exposed.outlet.publisher
     publisher.send_heartbeat()
     assert publisher.status.pairing_s > 0 and shown.code.encode() not in pack_stream(publisher.status)
-    welcome = locked.house.visitor(locked.client_keys("watch")).ask(Hello("me"))
+    welcome = locked.exposed.visitor(locked.client_keys("watch")).ask(Hello("me"))
     assert isinstance(welcome, Welcome) and welcome.role == "watch"
     assert shown.code not in repr(welcome)
 
 
 def test_an_edge_without_keys_answers_everyone_and_needs_no_pairing() -> None:
-    house = House()
+    exposed = ExposedEdge()
     try:
-        visitor = house.visitor()
+        visitor = exposed.visitor()
         welcome = visitor.ask(Hello("me"))
         assert isinstance(welcome, Welcome) and welcome.role == "operate"
         assert "no pairing" in visitor.ask(StartPairing(b"x")).reason
         order, answer = visitor.announce("box", data=BOX_DATA)
         assert isinstance(answer, Awaited) and order.id == "box"
     finally:
-        house.close()
+        exposed.close()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux has all addresses of 127.0.0.0/8")

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import time
-import uuid
 from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
-from patience import TIMEOUT_S
+from edge_session import ViewedSession, open_outlet
 from PIL import Image
 from sample_meshes.cactus_puppet import cactus_project
 
 from enliven.document.character import Character, Pose
-from enliven.frames import BodyFrame, Frame
 from enliven.motion_clips.recorded_characters import read_possessed
 from enliven.recording import Recording
 from enliven.wire.characters import CharacterMessage
@@ -26,12 +23,8 @@ from enliven.wire.convert_characters import message_to_character
 from enliven.wire.posecode import PoseCodec
 from enliven.wire.streams import PoseMessage
 from enliven_edge.network.outlet import Outlet
-from enliven_edge.service import Edge
-from enliven_edge.settings import WireSettings
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.puppet.settings import PuppetSettings
-from enliven_edge.stage.stage import Stage
-from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.edge_feed import EdgeFeed
 from enliven_viewer.link.take_feed import TakeFeed
@@ -43,9 +36,7 @@ from enliven_viewer.render.scene import make_scene
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "edge" / "puppets"))
 
-from people_for_puppets import FRAME, person
-
-from enliven_edge.sensors.base import Sensor
+from people_for_puppets import person
 
 PROJECT = cactus_project(0.05)
 PUPPET = PROJECT.puppet("cactus")
@@ -53,50 +44,16 @@ NAMES = [point.name for point in PUPPET.points]
 LEFT, RIGHT = (1 + NAMES.index(name) for name in ("left hand", "right hand"))
 
 
-class Waving(Sensor):
-    """A sensor of two people with left arms at given heights."""
-
-    name = "waving"
-
-    def __init__(self) -> None:
-        self.left, self.right, self._count = 0.0, 0.0, 0
-
-    def read(self, timeout: float | None = None) -> Frame | None:
-        self._count += 1
-        bodies = [person(left=self.left), person(id=2, x=1.5, right=self.right)]
-        return BodyFrame(bodies, self._count * FRAME, self.name)
-
-    def close(self) -> None: ...
-
-
-class House:
-    """An edge with the cactus and a viewer without a window, which advance in turn."""
+class CactusSession(ViewedSession):
+    """An edge with the cactus and two people with arms at given heights, and a viewer."""
 
     def __init__(self, outlet: Outlet) -> None:
         self.actor = PuppetActor(PROJECT, PUPPET, PuppetSettings(fade=0.1))
         self.actor.warm_up()
-        outlet.introduce(self.actor.character)
-        self.sensor = Waving()
-        self.edge = Edge(self.sensor, Tracker(), Stage([self.actor]), outlet)
-        self.document, self.outlet = Document(), outlet
-        self.feed = EdgeFeed(EdgeClient([outlet.publisher.endpoint]))
-        self.live, self.surfaces = LiveStage(self.feed, self.document), SolvedSurfaces()
-
-    def step(self) -> None:
-        frame = self.sensor.read()
-        assert frame is not None
-        self.edge.step(frame)
-        self.edge.poll_requests()
-        self.feed.poll(self.document)
-        moment, style = self.live.playhead.moment(), self.live.style
-        self.live.scene = make_scene(self.document, moment, style, self.surfaces)
-        time.sleep(0.002)
-
-    def until(self, done) -> None:
-        deadline = time.monotonic() + TIMEOUT_S
-        while not done():
-            assert time.monotonic() < deadline, "it never came to be"
-            self.step()
+        self.left, self.right = 0.0, 0.0
+        super().__init__(
+            outlet, [self.actor], lambda: [person(left=self.left), person(id=2, x=1.5, right=self.right)]
+        )
 
     @property
     def vertices(self) -> np.ndarray | None:
@@ -110,49 +67,46 @@ class House:
 
 
 @pytest.fixture
-def house() -> Iterator[House]:
-    wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
-    with Outlet(wire, "waving") as outlet:
-        opened = House(outlet)
+def session() -> Iterator[CactusSession]:
+    with open_outlet() as outlet, CactusSession(outlet) as opened:
         opened.until(lambda: opened.vertices is not None)
         yield opened
-        opened.feed.close()
 
 
-def test_viewer_solves_the_performers_puppet(house: House) -> None:
-    assert house.document.characters["cactus"].kind == "points"
-    house.live.possess()
-    house.until(lambda: house.live.scene.actors[0].cues.state == "possessed")
-    house.until(lambda: house.hand(LEFT) < 0.5)
-    house.sensor.left = 2.7
-    house.until(lambda: house.hand(LEFT) > 1.05)
-    assert house.hand(RIGHT) < 0.5
-    cues = house.live.scene.actors[0].cues
+def test_viewer_solves_the_performers_puppet(session: CactusSession) -> None:
+    assert session.document.characters["cactus"].kind == "points"
+    session.live.possess()
+    session.until(lambda: session.live.scene.actors[0].cues.state == "possessed")
+    session.until(lambda: session.hand(LEFT) < 0.5)
+    session.left = 2.7
+    session.until(lambda: session.hand(LEFT) > 1.05)
+    assert session.hand(RIGHT) < 0.5
+    cues = session.live.scene.actors[0].cues
     assert len(cues.nodes) == len(NAMES)
     assert set(cues.owners.tolist()) == {1}
 
 
-def test_second_performer_joins_with_parts_and_releases(house: House) -> None:
-    house.live.possess()
-    house.until(lambda: house.live.scene.actors[0].cues.state == "possessed")
-    house.live.possession.body, house.live.possession.parts = 2, "right arm"
-    house.live.possess("join")
-    house.until(lambda: set(house.live.scene.actors[0].cues.owners.tolist()) == {1, 2})
-    house.sensor.right = 2.7
-    house.until(lambda: house.hand(RIGHT) > 1.05 and house.hand(LEFT) < 0.5)
-    house.live.release()
-    house.until(lambda: [hold.body for hold in house.actor.holds] == [1])
-    house.live.possession.parts = "left foot"
-    house.live.possess()
-    house.until(lambda: "no control point of the puppet follows" in house.document.edge.message)
+def test_second_performer_joins_with_parts_and_releases(session: CactusSession) -> None:
+    session.live.possess()
+    session.until(lambda: session.live.scene.actors[0].cues.state == "possessed")
+    session.live.possession.body, session.live.possession.parts = 2, "right arm"
+    session.live.possess("join")
+    session.until(lambda: set(session.live.scene.actors[0].cues.owners.tolist()) == {1, 2})
+    session.right = 2.7
+    session.until(lambda: session.hand(RIGHT) > 1.05 and session.hand(LEFT) < 0.5)
+    session.live.release()
+    session.until(lambda: [hold.body for hold in session.actor.holds] == [1])
+    session.live.possession.parts = "left foot"
+    session.live.possess()
+    session.until(lambda: "no control point of the puppet follows" in session.document.edge.message)
 
 
-def test_late_viewer_sees_the_moving_puppet(house: House) -> None:
-    house.live.possess()
-    house.sensor.left = 2.7
-    house.until(lambda: house.hand(LEFT) > 1.05)
+def test_late_viewer_sees_the_moving_puppet(session: CactusSession) -> None:
+    session.live.possess()
+    session.left = 2.7
+    session.until(lambda: session.hand(LEFT) > 1.05)
     late, surfaces = Document(), SolvedSurfaces(wait=True)
-    feed = EdgeFeed(EdgeClient([house.outlet.publisher.endpoint]))
+    feed = EdgeFeed(EdgeClient([session.outlet.publisher.endpoint]))
 
     def hand() -> float:
         """Returns the height of the left hand in the late viewer, metres."""
@@ -160,11 +114,11 @@ def test_late_viewer_sees_the_moving_puppet(house: House) -> None:
         if not (late.characters and len(late.timeline)):
             return 0.0
         (actor,) = make_scene(
-            late, late.timeline.find_moment(late.timeline.end_ns), house.live.style, surfaces
+            late, late.timeline.find_moment(late.timeline.end_ns), session.live.style, surfaces
         ).actors
         return 0.0 if actor.vertices is None else float(actor.vertices[PUPPET.points[LEFT - 1].vertex, 1])
 
-    house.until(lambda: hand() > 1.05)
+    session.until(lambda: hand() > 1.05)
     feed.close()
 
 

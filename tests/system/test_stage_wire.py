@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import time
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import closing
@@ -16,7 +15,7 @@ import numpy as np
 import pytest
 import trimesh
 import typer
-from patience import TIMEOUT_S
+from patience import TIMEOUT_S, wait_until
 from typer.testing import CliRunner
 
 from enliven.formats.project.one_character import project_of_mesh
@@ -52,11 +51,8 @@ class StagedEdge:
         self.until(lambda: self.holders("chair"))
 
     def until(self, done: Callable[[], object]) -> None:
-        deadline = time.monotonic() + 10 * TIMEOUT_S  # kernels may have to be compiled first
-        while not done():
-            assert time.monotonic() < deadline, "it never came to be"
-            self.link.poll()
-            time.sleep(0.002)
+        # Kernels may have to be compiled first.
+        wait_until(done, patience=10 * TIMEOUT_S, step=self.link.poll, interval=0.002)
 
     def holders(self, character: str) -> bool:
         cues = self.link.latest(CUES).get(character)

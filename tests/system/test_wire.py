@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import zmq
-from patience import TIMEOUT_S
+from patience import wait_until
 from zmq_contexts import make_context
 
 from enliven.document.character import Character, SkinWeights
@@ -44,15 +44,15 @@ def character(name: str = "chair", count: int = 8) -> Character:
 def until(link: EdgeClient, done: Callable[[], Any], *publishers: Publisher) -> list[Command]:
     """Runs the loops of publisher and link until a condition holds. Returns the received commands."""
     commands: list[Command] = []
-    deadline = time.monotonic() + TIMEOUT_S
-    while True:
+
+    def step() -> None:
         for publisher in publishers:
-            commands += publisher.poll()
+            commands.extend(publisher.poll())
         link.poll()
-        if done():
-            return commands
-        assert time.monotonic() < deadline, "it never came to be"
-        time.sleep(0.002)
+
+    step()
+    wait_until(done, step=step, interval=0.002)
+    return commands
 
 
 @pytest.fixture

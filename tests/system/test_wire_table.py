@@ -9,7 +9,6 @@ those lines.
 
 from __future__ import annotations
 
-import time
 import uuid
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,7 +16,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from patience import TIMEOUT_S
+from patience import wait_until
 
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
@@ -91,12 +90,8 @@ def outlet_of(path: Path) -> Outlet:
 
 
 def until(done: Callable[[], object], *polled: Callable[[], object]) -> None:
-    deadline = time.monotonic() + TIMEOUT_S
-    while not done():
-        assert time.monotonic() < deadline, "it never came to be"
-        for poll in polled:
-            poll()
-        time.sleep(0.001)
+    """Calls functions until a condition holds."""
+    wait_until(done, step=lambda: [poll() for poll in polled], interval=0.001)
 
 
 def test_new_message_is_sent_recorded_latched_and_on_the_timeline(wind: Topic, tmp_path: Path) -> None:

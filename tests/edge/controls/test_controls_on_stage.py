@@ -5,14 +5,11 @@ from __future__ import annotations
 import contextlib
 import logging
 import sys
-import time
-import uuid
 from pathlib import Path
 
 import pytest
 
 from enliven.errors import InputError
-from enliven.frames import BodyFrame
 from enliven.wire import CALLS
 from enliven_edge.controls.base import WORDS, Press, check_map
 from enliven_edge.controls.control_set import Controls, open_controls
@@ -21,7 +18,6 @@ from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.base import SensorFault
 from enliven_edge.service import Edge
-from enliven_edge.settings import WireSettings
 from enliven_edge.stage.rig.rig_actor import RigActor
 from enliven_edge.stage.rig.settings import MatchingSettings
 from enliven_edge.stage.stage import Stage
@@ -31,28 +27,9 @@ from enliven_viewer.link.edge_client import EdgeClient
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "matching"))
 
-from patience import TIMEOUT_S
+from edge_session import EdgeSession, GivenPeople, open_outlet
 from pedals_for_tests import Pedal
 from rigs_for_stage import person, star
-
-from enliven_edge.sensors.base import Sensor
-
-STEP = 33_333_333
-
-
-class People(Sensor):
-    """A sensor that returns the people in ``bodies``."""
-
-    name = "people"
-
-    def __init__(self) -> None:
-        self.bodies, self._count = [person()], 0
-
-    def read(self, timeout: float | None = None) -> BodyFrame:
-        self._count += 1
-        return BodyFrame(self.bodies, self._count * STEP, self.name)
-
-    def close(self) -> None: ...
 
 
 class Say:
@@ -74,22 +51,13 @@ class Say:
     def close(self) -> None: ...
 
 
-class House:
+class StarSession(EdgeSession):
+    """An edge with a star, controls and the given people."""
+
     def __init__(self, outlet: Outlet, controls: Controls) -> None:
-        self.actor, self.sensor = RigActor(star(), MatchingSettings(fade=0.0)), People()
+        self.actor, self.people = RigActor(star(), MatchingSettings(fade=0.0)), [person()]
         self.actor.preview(None, "arms")
-        outlet.introduce(self.actor.character)
-        self.edge = Edge(self.sensor, Tracker(), Stage([self.actor]), outlet, controls=controls)
-
-    def step(self) -> None:
-        self.edge.step(self.sensor.read())
-        self.edge.poll_requests()
-
-    def until(self, done) -> None:
-        deadline = time.monotonic() + TIMEOUT_S
-        while not done():
-            assert time.monotonic() < deadline, "it never came to be"
-            self.step()
+        super().__init__(outlet, [self.actor], lambda: self.people, controls=controls)
 
     @property
     def shown(self) -> list[str]:
@@ -104,7 +72,7 @@ class House:
 
 @pytest.fixture
 def outlet():
-    with Outlet(WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0), "people") as opened:
+    with open_outlet() as opened:
         yield opened
 
 
@@ -114,83 +82,83 @@ def test_pedal_cycles_accepts_and_releases_matches(outlet, tmp_path):
     words = {"A": "possess", "B": "next", "C": "release"}
     settings = ControlSettings("serial", words, port=str(pedal.path), debounce=0.0, retry=0.02)
     with open_controls({"pedal": settings}) as controls:
-        house = House(outlet, controls)
-        house.step()
-        first = house.shown
-        house.until(lambda: not controls.missing)
+        session = StarSession(outlet, controls)
+        session.step()
+        first = session.shown
+        session.until(lambda: not controls.missing)
         pedal.send(b"B\n")
-        house.until(lambda: house.actor.chooser.pick.place == 1)
-        second = house.shown
+        session.until(lambda: session.actor.chooser.pick.place == 1)
+        second = session.shown
         assert second != first
         pedal.send(b"A\n")
         # The selection expires after seconds of the sensor's clock, which runs fast here. Only the match
         # shown when the pedal is pressed counts.
         shown = [second]
-        house.until(lambda: house.actor.holds or shown.append(house.shown))
-        assert house.driven == [(1, shown[-1])]
+        session.until(lambda: session.actor.holds or shown.append(session.shown))
+        assert session.driven == [(1, shown[-1])]
         pedal.send(b"C\n")
-        house.until(lambda: not house.actor.holds)
+        session.until(lambda: not session.actor.holds)
     pedal.close()
 
 
 def test_every_control_word_equals_a_viewers_request(outlet, caplog):
     say = Say()
-    house = House(outlet, Controls([say]))
+    session = StarSession(outlet, Controls([say]))
 
     def said(*words: str) -> None:
         say.words = list(words)
-        house.edge.poll_requests()
-        house.step()
+        session.edge.poll_requests()
+        session.step()
 
-    house.sensor.bodies = []
-    house.step()
+    session.people = []
+    session.step()
     said("possess")
     assert "the command 'possess' was refused" in caplog.text and "nobody is in view" in caplog.text
-    house.sensor.bodies = [person(), person(left=(0.0, 1.0, 0.0), id=2, at=(1.0, 0.0, -2.5))]
-    house.step()
-    first = house.shown
+    session.people = [person(), person(left=(0.0, 1.0, 0.0), id=2, at=(1.0, 0.0, -2.5))]
+    session.step()
+    first = session.shown
     said("next", "next")
-    assert house.actor.chooser.pick.place == 2
+    assert session.actor.chooser.pick.place == 2
     said("previous")
-    assert house.actor.chooser.pick.place == 1
+    assert session.actor.chooser.pick.place == 1
     said("follow")
-    assert house.shown == first
+    assert session.shown == first
     said("possess")
-    assert house.driven == [(1, first)]
-    other = house.shown
+    assert session.driven == [(1, first)]
+    other = session.shown
     said("join")
-    assert house.driven == [(1, first), (2, other)]
+    assert session.driven == [(1, first), (2, other)]
     said("release")
-    assert house.driven == []
-    house.actor.preview(2, "arms")
-    house.step()
-    shown = house.shown
+    assert session.driven == []
+    session.actor.preview(2, "arms")
+    session.step()
+    shown = session.shown
     said("possess")
-    assert house.driven == [(2, shown)], "whose match is shown takes it, not the first in view"
-    house.actor.preview(None, "legs")
-    house.step()
+    assert session.driven == [(2, shown)], "whose match is shown takes it, not the first in view"
+    session.actor.preview(None, "legs")
+    session.step()
     said("extend")
-    ((body, limbs),) = house.driven
+    ((body, limbs),) = session.driven
     assert body == 2 and len(limbs) == 4 and set(shown) <= set(limbs), "legs, and the arms as before"
 
 
 def test_parts_are_named_by_a_word(outlet):
     say = Say()
-    house = House(outlet, Controls([say]))
+    session = StarSession(outlet, Controls([say]))
 
     def said(*words: str) -> list[str]:
         say.words = list(words)
-        house.edge.poll_requests()
-        house.step()
-        return [limb for _, limbs in house.driven for limb in limbs]
+        session.edge.poll_requests()
+        session.step()
+        return [limb for _, limbs in session.driven for limb in limbs]
 
-    house.step()
+    session.step()
     assert len(said("possess left arm")) == 1 and len(said("release", "possess arms")) == 2
     assert len(said("extend legs")) == 4, "the arms as before, and the legs"
     said("release")
     said("parts legs")
-    assert house.actor.candidate[1] == "legs", "what the next hold takes, which is shown"
-    shown = house.shown
+    assert session.actor.candidate[1] == "legs", "what the next hold takes, which is shown"
+    shown = session.shown
     assert said("possess") == shown and len(shown) == 2
 
 
@@ -212,17 +180,17 @@ def test_impossible_command_is_refused(said, remedy):
 def test_unsupported_command_is_reported_and_edge_continues(outlet, caplog):
     caplog.set_level(logging.WARNING)
     say = Say()
-    house = House(outlet, Controls([say]))
-    house.step()
+    session = StarSession(outlet, Controls([say]))
+    session.step()
     say.words = ["lock", "unlock", "release", "possess"]
-    house.step()
+    session.step()
     assert caplog.text.count("only the performers of one depth sensor can be locked") == 2
-    assert house.driven == [(1, ["left", "right"])]
+    assert session.driven == [(1, ["left", "right"])]
 
 
 def test_lock_command_locks_the_tracker(outlet):
     say = Say()
-    edge = Edge(People(), Tracker(), Stage([]), outlet, controls=Controls([say]))
+    edge = Edge(GivenPeople(list), Tracker(), Stage([]), outlet, controls=Controls([say]))
     say.words = ["lock"]
     edge.poll_requests()
     assert edge.tracker.is_locked
@@ -233,26 +201,26 @@ def test_lock_command_locks_the_tracker(outlet):
 
 def test_lamps_show_the_stage_and_its_health(outlet):
     say = Say()
-    house = House(outlet, Controls([say]))
-    house.sensor.bodies = []
-    house.step()
+    session = StarSession(outlet, Controls([say]))
+    session.people = []
+    session.step()
     assert say.lamps == Lamps(attract="breathing")
-    house.sensor.bodies = [person()]
-    house.step()
+    session.people = [person()]
+    session.step()
     assert say.lamps == Lamps(possess="breathing")
     say.words = ["possess"]
-    house.step()
+    session.step()
     assert say.lamps == Lamps(possess="steady")
-    house.edge.tracker = Tracker()  # no frame has been read yet
-    house.edge.tracker.lock()
-    house.edge.poll_requests()
+    session.edge.tracker = Tracker()  # no frame has been read yet
+    session.edge.tracker.lock()
+    session.edge.poll_requests()
     assert say.lamps == Lamps(possess="steady", locked="steady")
-    house.edge.tracker.unlock()
-    house.edge.health.record_read_error(SensorFault("the cable is out", where="people"))
-    house.edge._wait()
-    house.edge.poll_requests()
+    session.edge.tracker.unlock()
+    session.edge.health.record_read_error(SensorFault("the cable is out", where="people"))
+    session.edge._wait()
+    session.edge.poll_requests()
     assert say.lamps == Lamps(possess="steady", fault="flashing")
-    house.step()
+    session.step()
     assert say.lamps == Lamps(possess="steady"), "the sensor is back"
 
 
@@ -262,7 +230,7 @@ def test_there_are_14_control_words():
 
 def test_window_commands_are_forwarded_to_windows(outlet):
     say, heard = Say(), []
-    house = House(outlet, Controls([say]))
+    session = StarSession(outlet, Controls([say]))
     with contextlib.closing(EdgeClient([outlet.publisher.endpoint])) as client:
 
         def came(count: int) -> bool:
@@ -270,9 +238,9 @@ def test_window_commands_are_forwarded_to_windows(outlet):
             heard.extend(client.take(CALLS))
             return client.status is not None and client.edges[0].has_all_characters and len(heard) >= count
 
-        house.until(lambda: came(0))
+        session.until(lambda: came(0))
         say.words = ["record", "again", "stop"]
-        house.until(lambda: came(3))
+        session.until(lambda: came(3))
     assert [(command.word, command.control) for command in heard] == [
         (w, "test") for w in ("record", "again", "stop")
     ]

@@ -18,6 +18,7 @@ from typing import Any
 
 import pytest
 import zmq
+from patience import wait_until
 from zmq_contexts import make_context
 
 from enliven.errors import InputError, ResourceError
@@ -39,12 +40,7 @@ def unique() -> str:
 
 def until(done: Callable[[], Any], *steps: Callable[[], Any]) -> None:
     """Repeats steps until a condition holds."""
-    deadline = time.monotonic() + PATIENCE
-    while not done():
-        assert time.monotonic() < deadline, "it never came to be"
-        for step in steps:
-            step()
-        time.sleep(0.001)
+    wait_until(done, step=lambda: [step() for step in steps], interval=0.001)
 
 
 @pytest.fixture

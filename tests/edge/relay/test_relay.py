@@ -15,7 +15,7 @@ import pytest
 import zmq
 from message_values import message
 from msgspec import inspect
-from patience import TIMEOUT_S
+from patience import TIMEOUT_S, wait_until
 
 from enliven.document.character import Character, SkinWeights
 from enliven.errors import InputError, ResourceError
@@ -73,12 +73,12 @@ def open_relay(edge: Endpoint, access: Access | None = None, viewers: int = 100)
 
 def until(done: Callable[[], Any], *parts: Publisher | Relay | EdgeClient) -> None:
     """Runs the loops of all programs until a condition holds."""
-    deadline = time.monotonic() + TIMEOUT_S
-    while not done():
+
+    def step() -> None:
         for part in parts:
             part.poll(0) if isinstance(part, Relay) else part.poll()
-        assert time.monotonic() < deadline, "it never came to be"
-        time.sleep(0.001)
+
+    wait_until(done, step=step, interval=0.001)
 
 
 @pytest.fixture

@@ -108,15 +108,15 @@ def test_mesh_waves_with_its_performer(known, how, side):
     own = ActorSettings(how=how, stand="modelled")
     actor = create_mesh_actor(known.mesh, "it", 128, own)
     joints = at_origin(known)
-    house = Stage([actor])
-    still = house.perform([waving(side, 0.0)], 0)[0]
-    house.possess("it")
+    stage = Stage([actor])
+    still = stage.perform([waving(side, 0.0)], 0)[0]
+    stage.possess("it")
     for i in range(SETTLED):
-        before, still = still, house.perform([waving(side, 0.0)], (i + 1) * FRAME)[0]
+        before, still = still, stage.perform([waving(side, 0.0)], (i + 1) * FRAME)[0]
         step = np.linalg.norm(still.positions - before.positions, axis=1).max()
         assert step < 2.0 * own.fade_pace * FRAME * 1e-9, "nothing jumps"
     for i in range(WAVING):
-        pose = house.perform([waving(side, i / (WAVING - 1))], (SETTLED + i + 1) * FRAME)[0]
+        pose = stage.perform([waving(side, i / (WAVING - 1))], (SETTLED + i + 1) * FRAME)[0]
     moved = np.linalg.norm(pose.positions - still.positions, axis=1)
     arm = joints[[Joint[f"{name}_{side.upper()}"] for name in ("SHOULDER", "ELBOW", "WRIST", "HAND")]]
     hand = np.argsort(np.linalg.norm(actor.graph.positions - arm[3], axis=1))[:3]
@@ -142,14 +142,14 @@ def test_t_pose_lowers_its_arms_before_attachment(how, ahead):
     woman = t_woman()
     own = ActorSettings(how=how, stand="modelled", ahead=ahead)
     actor = create_mesh_actor(woman.mesh, "it", 128, own)
-    joints, house = at_origin(woman), Stage([actor])
+    joints, stage = at_origin(woman), Stage([actor])
     hands = [
         np.argsort(np.linalg.norm(actor.graph.positions - joints[hand], axis=1))[:3]
         for hand in (Joint.HAND_LEFT, Joint.HAND_RIGHT)
     ]
-    poses = [house.perform([], 0)[0], house.perform([waving("left", 0.0)], FRAME)[0]]
+    poses = [stage.perform([], 0)[0], stage.perform([waving("left", 0.0)], FRAME)[0]]
     for i in range(2, SETTLED):
-        poses.append(house.perform([waving("left", 0.0)], i * FRAME)[0])
+        poses.append(stage.perform([waving("left", 0.0)], i * FRAME)[0])
         step = np.linalg.norm(poses[-1].positions - poses[-2].positions, axis=1).max()
         assert i < 3 or step < 2.0 * own.fade_pace * FRAME * 1e-9, "nothing jumps"
     assert actor.state == "free"
@@ -157,8 +157,8 @@ def test_t_pose_lowers_its_arms_before_attachment(how, ahead):
         fell = (poses[1].positions - poses[-1].positions)[hand, 1].mean()
         assert (fell > 0.3) == ahead
         assert ahead or abs(fell) < 1e-6
-    house.possess("it")
+    stage.possess("it")
     for i in range(10 if ahead else 0):
-        poses.append(house.perform([waving("left", 0.0)], (SETTLED + i) * FRAME)[0])
+        poses.append(stage.perform([waving("left", 0.0)], (SETTLED + i) * FRAME)[0])
         step = np.linalg.norm(poses[-1].positions - poses[-2].positions, axis=1).max()
         assert step < TAKEN

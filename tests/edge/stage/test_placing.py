@@ -100,12 +100,12 @@ def test_a_beast_is_like_a_person_on_all_fours(animal):
     assert joints[Joint.HEAD, 0] > 0.6 and joints[Joint.HEAD, 1] > 1.2
 
 
-def play(house, name, bodies):
+def play(stage, name, bodies):
     """Returns the last pose for a sequence of bodies. The first body is attached."""
-    house.perform([bodies[0]], 0)
-    house.possess(name)
+    stage.perform([bodies[0]], 0)
+    stage.possess(name)
     for i, body in enumerate(bodies, 1):
-        pose = house.perform([body], i * FRAME)[0]
+        pose = stage.perform([body], i * FRAME)[0]
     return pose
 
 
@@ -115,9 +115,9 @@ def test_mapped_arms_drive_the_forelegs_and_legs_the_hind_legs(animal):
     legs = {(s, e): foot & (rest[:, 0] * e > 0) & (rest[:, 2] * s > 0) for s in (-1, 1) for e in (-1, 1)}
 
     def moved(**last):
-        house = Stage([EmbeddedActor(*animal, ActorSettings(how="mapped", fade=0.0))])
+        stage = Stage([EmbeddedActor(*animal, ActorSettings(how="mapped", fade=0.0))])
         bodies = [person(**{k: v * i / 25 for k, v in last.items()}) for i in range(26)]
-        pose = play(house, "beast", bodies)
+        pose = play(stage, "beast", bodies)
         still = Stage([EmbeddedActor(*animal, ActorSettings(how="mapped", fade=0.0))]).perform([person()], 0)[
             0
         ]
@@ -133,15 +133,15 @@ def test_mapped_arms_drive_the_forelegs_and_legs_the_hind_legs(animal):
 
 @pytest.mark.parametrize("how", ["beside", "mapped"])
 def test_mesh_next_to_its_performer_stays_at_attachment(chair, how):
-    house = Stage([EmbeddedActor(*chair, ActorSettings(how=how, aside=1.5, fade=0.0))])
-    before = house.perform([person()], 0)[0]
+    stage = Stage([EmbeddedActor(*chair, ActorSettings(how=how, aside=1.5, fade=0.0))])
+    before = stage.perform([person()], 0)[0]
     assert before.positions[:, 0].mean() == pytest.approx(1.5, abs=0.1)
-    house.perform([person(x=-0.5)], FRAME)
-    house.possess("chair")
-    held = house.perform([person(x=-0.5)], 2 * FRAME)[0]
+    stage.perform([person(x=-0.5)], FRAME)
+    stage.possess("chair")
+    held = stage.perform([person(x=-0.5)], 2 * FRAME)[0]
     assert np.linalg.norm(held.positions - before.positions, axis=1).max() < 0.02
     for i in range(30):
-        lifted = house.perform([person(x=-0.5, lift=0.03 * i)], (i + 3) * FRAME)[0]
+        lifted = stage.perform([person(x=-0.5, lift=0.03 * i)], (i + 3) * FRAME)[0]
     assert np.linalg.norm(lifted.positions - held.positions, axis=1).max() > 0.15
 
 
@@ -155,12 +155,12 @@ def test_mesh_next_to_its_performer_stays_at_attachment(chair, how):
 def test_rigid_motion_is_transferred_to_the_mesh_next_to_it(chair, way, yaw, how, travel):
     """The performer's rigid rotation rotates the mesh equally; walking moves it by the set fraction of the
     way."""
-    house = Stage([EmbeddedActor(*chair, ActorSettings(how=how, travel=travel, fade=0.0))])
-    start = house.perform([person()], 0)[0]
-    house.possess("chair")
+    stage = Stage([EmbeddedActor(*chair, ActorSettings(how=how, travel=travel, fade=0.0))])
+    start = stage.perform([person()], 0)[0]
+    stage.possess("chair")
     for i in range(1, 45):
         part = min(i / 25, 1)
-        pose = house.perform([person(x=way * part, yaw=yaw * part)], i * FRAME)[0]
+        pose = stage.perform([person(x=way * part, yaw=yaw * part)], i * FRAME)[0]
     turn = rotation_about_y(yaw)
     turned = start.positions @ turn.T
     shift = (pose.positions - turned).mean(0)
@@ -207,17 +207,17 @@ SIZES = {"smaller than a hand": 0.08, "chair": 0.9, "tall as a tower": 100.0}
 def test_any_size_is_possessed_alike(tmp_path, size, scaled, how):
     """The mesh is scaled to the performer, or keeps its size and the motion is scaled."""
     own = ActorSettings(scaled=scaled, how=how, fade=0.0)
-    house = Stage([create_actor(saved(tmp_path / "m.obj", SIZES[size]), 32, own)])
-    house.perform([person()], 0)
-    house.possess("m")
-    still = house.perform([person()], FRAME)[0]
+    stage = Stage([create_actor(saved(tmp_path / "m.obj", SIZES[size]), 32, own)])
+    stage.perform([person()], 0)
+    stage.possess("m")
+    still = stage.perform([person()], FRAME)[0]
     tall = 1.75 if scaled == "mesh" else SIZES[size]
     assert np.ptp(still.positions[:, 1]) == pytest.approx(tall, rel=0.15)
     for i in range(30):
-        pose = house.perform([leaning(0.02 * i)], (i + 2) * FRAME)[0]
+        pose = stage.perform([leaning(0.02 * i)], (i + 2) * FRAME)[0]
     farthest = np.linalg.norm(pose.positions - still.positions, axis=1).max()
     assert 0.1 * tall < farthest < 0.7 * tall
-    assert len(house.cues()["m"].nodes) >= 4
+    assert len(stage.cues()["m"].nodes) >= 4
 
 
 def test_metre_for_metre_a_tower_is_out_of_reach_and_a_toy_hangs_on_a_limb(tmp_path):
@@ -239,8 +239,8 @@ def test_metre_for_metre_a_tower_is_out_of_reach_and_a_toy_hangs_on_a_limb(tmp_p
 @pytest.mark.parametrize("height", [1.1, 1.75, 2.0])
 def test_the_mesh_is_as_tall_as_its_performer_or_so_much_taller(chair, height):
     for ratio in (1.0, 0.6):
-        house = Stage([EmbeddedActor(*chair, ActorSettings(height_ratio=ratio))])
-        pose = house.perform([person(height=height)], 0)[0]
+        stage = Stage([EmbeddedActor(*chair, ActorSettings(height_ratio=ratio))])
+        pose = stage.perform([person(height=height)], 0)[0]
         assert pose.linear[0, 1, 1] * np.ptp(chair[0].vertices[:, 1]) == pytest.approx(
             ratio * height, rel=1e-3
         )
@@ -257,28 +257,28 @@ def moved_chair(chair, x: float, z: float):
 @pytest.mark.parametrize("how", ["inside", "beside"])
 @pytest.mark.parametrize("place", [(2.0, 0.0), (0.0, -3.0), (-1.3, 1.3), (0.98, 0.0)])
 def test_a_mesh_that_lies_elsewhere_in_its_project_is_possessed_where_the_performer_is(chair, place, how):
-    house = Stage([EmbeddedActor(*moved_chair(chair, *place), ActorSettings(how=how, fade=0.0))])
-    waiting = house.perform([person()], 0)[0]
+    stage = Stage([EmbeddedActor(*moved_chair(chair, *place), ActorSettings(how=how, fade=0.0))])
+    waiting = stage.perform([person()], 0)[0]
     hip = person().joints[Joint.HIP_CENTER, [0, 2]]
     aside = np.linalg.norm(waiting.positions[:, [0, 2]].mean(0) - hip)
     assert aside == pytest.approx(1.2 if how == "beside" else 0.0, abs=0.35)
-    house.possess("chair")
-    still = house.perform([person()], FRAME)[0]
+    stage.possess("chair")
+    still = stage.perform([person()], FRAME)[0]
     assert np.linalg.norm(still.positions - waiting.positions, axis=1).max() < 0.05, "it jumped"
     for i in range(30):
-        pose = house.perform([leaning(0.02 * i)], (i + 2) * FRAME)[0]
+        pose = stage.perform([leaning(0.02 * i)], (i + 2) * FRAME)[0]
     assert np.linalg.norm(pose.positions - still.positions, axis=1).max() > 0.15
 
 
 def test_a_mesh_that_lies_elsewhere_grows_about_where_it_stands(chair):
     actor = EmbeddedActor(*moved_chair(chair, 2.0, 0.0), ActorSettings(fade=0.0))
-    house = Stage([actor])
-    middle = house.perform([person()], 0)[0].positions[:, [0, 2]].mean(0)
+    stage = Stage([actor])
+    middle = stage.perform([person()], 0)[0].positions[:, [0, 2]].mean(0)
     actor.resize(2.0)
-    larger = house.perform([person()], FRAME)[0]
+    larger = stage.perform([person()], FRAME)[0]
     np.testing.assert_allclose(larger.positions[:, [0, 2]].mean(0), middle, atol=0.1)
-    house.possess("chair")
-    held = house.perform([person()], 2 * FRAME)[0]
+    stage.possess("chair")
+    held = stage.perform([person()], 2 * FRAME)[0]
     np.testing.assert_allclose(held.positions, larger.positions, atol=0.05)
 
 
@@ -295,12 +295,12 @@ def test_an_animal_that_lies_elsewhere_is_driven_limb_by_limb_where_it_waits(ani
     mesh = Mesh(character.vertices + np.array([4.0, 0.0, 1.0]), character.faces, "beast")
     graph = DeformationGraph.build(mesh, nodes=96, seed=0)
     parts = character_from_graph(mesh, graph, "beast"), graph
-    house = Stage([EmbeddedActor(*parts, ActorSettings(how="mapped", fade=0.0))])
-    waiting = house.perform([person()], 0)[0]
+    stage = Stage([EmbeddedActor(*parts, ActorSettings(how="mapped", fade=0.0))])
+    waiting = stage.perform([person()], 0)[0]
     hip = person().joints[Joint.HIP_CENTER, [0, 2]]
     assert np.linalg.norm(waiting.positions[:, [0, 2]].mean(0) - hip) == pytest.approx(1.2, abs=0.5)
-    house.possess("beast")
-    pose = house.perform([person(reach=0.7)], FRAME)[0]
+    stage.possess("beast")
+    pose = stage.perform([person(reach=0.7)], FRAME)[0]
     moved = np.linalg.norm(pose.positions - waiting.positions, axis=1)
     assert 0.1 < moved.max() < 1.5
 

@@ -59,10 +59,10 @@ def person(down=0.0, sway=0.0, ahead=0.0) -> Body:
 def played(chair, bodies, **options):
     """Returns (F, V, 3) vertices frame by frame after the first body was attached, and the actor."""
     actor = EmbeddedActor(*chair, ActorSettings(**{"fade": 0.0} | options))
-    house = Stage([actor])
-    house.perform([bodies[0]], 0)
-    house.possess("chair")
-    poses = [house.perform([body], (i + 1) * FRAME)[0] for i, body in enumerate(bodies)]
+    stage = Stage([actor])
+    stage.perform([bodies[0]], 0)
+    stage.possess("chair")
+    poses = [stage.perform([body], (i + 1) * FRAME)[0] for i, body in enumerate(bodies)]
     return np.stack([skin_vertices(chair[0], pose) for pose in poses]), actor
 
 
@@ -283,17 +283,17 @@ def test_tracked_depth_reaches_the_mesh(chair, follow):
     """The tracker finds the performer's surface in depth frames, and it pulls the attached mesh."""
     with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(40)]
-    tracker, house = Tracker(), Stage([EmbeddedActor(*chair, ActorSettings(follow=follow, fade=0.0))])
+    tracker, stage = Tracker(), Stage([EmbeddedActor(*chair, ActorSettings(follow=follow, fade=0.0))])
     drawn = 0
     for frame in frames:
         bodies = tracker.track(frame)
         seen = tracker.surfaces()
-        (pose,) = house.perform(bodies, frame.time_ns, tracker.surfaces)
-        actor = house.actors["chair"]
+        (pose,) = stage.perform(bodies, frame.time_ns, tracker.surfaces)
+        actor = stage.actors["chair"]
         if bodies and not actor.holds:
-            house.possess("chair")
+            stage.possess("chair")
         elif bodies and bodies[0].id in seen:
             near = np.linalg.norm(seen[bodies[0].id].points[:, None] - bodies[0].joints, axis=2).min(1)
             assert np.median(near) < 0.2 and np.isfinite(pose.positions).all()
             drawn += actor._solver.energy_terms["planes"] > 0
-    assert house.uses_surface and drawn > 5
+    assert stage.uses_surface and drawn > 5

@@ -103,7 +103,7 @@ def test_a_chosen_character_that_is_not_on_the_stage_is_put_there_first(sitting)
 
 def test_a_press_before_the_stage_is_ready_is_kept(sitting) -> None:
     session = sitting(actor())
-    session.perform.connect(str(session.house.outlet.publisher.endpoint))
+    session.perform.connect(str(session.scanning_edge.outlet.publisher.endpoint))
     session.perform.live.is_local = True  # as for a stage that this window started
     session.perform.possession_requests.press()
     assert session.perform.possession_requests.words == session.perform.live.preparation_text
@@ -156,17 +156,17 @@ def test_a_press_while_a_scan_is_made_is_for_the_character_that_it_becomes(sitti
     session.connect()
     session.present = [person()]
     session.until(lambda: session.perform.performers and len(session.perform.stage_ids) == 2)
-    session.house.outlet.send(ScanMessage(1, "scanning"), 0)
+    session.scanning_edge.outlet.send(ScanMessage(1, "scanning"), 0)
     session.until(lambda: session.perform.possession_requests.scan_message.phase == "scanning")
     session.perform.possession_requests.press()
     assert session.toasts == [("The camera is scanning", "Finish or cancel the scan first")]
-    session.house.outlet.send(ScanMessage(1, "finishing"), 0)
+    session.scanning_edge.outlet.send(ScanMessage(1, "finishing"), 0)
     session.until(lambda: session.perform.possession_requests.scan_message.phase == "finishing")
     session.perform.possession_requests.press()
     assert session.perform.possession_requests.words == "The scan is being turned into a character"
     session.run_frames(5)
     assert not session.held
-    session.house.outlet.send(ScanMessage(1, "done", character="scan"), 0)
+    session.scanning_edge.outlet.send(ScanMessage(1, "done", character="scan"), 0)
     session.until(lambda: session.held == {"scan"})
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from patience import TIMEOUT_S
+from patience import wait_until
 
 from enliven.document.character import Character, SkinWeights
 from enliven.person import Body
@@ -89,13 +89,14 @@ ORIGIN_NS = time.time_ns()
 
 
 def until(session: PerformSession, done: Callable[[], Any], *edges: MovingEdge) -> None:
-    deadline = time.monotonic() + TIMEOUT_S
-    while not done():
+    """Runs the session and the edges until a condition holds."""
+
+    def step() -> None:
         for edge in edges:
             edge.poll()
         session.advance(0.01)
-        assert time.monotonic() < deadline, "it never came to be"
-        time.sleep(0.004)
+
+    wait_until(done, step=step, interval=0.004)
 
 
 @pytest.fixture

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import time
 import uuid
 from collections.abc import Callable
 
 import numpy as np
 import trimesh
 import zmq
-from patience import TIMEOUT_S
+from patience import wait_until
 from zmq_contexts import make_context
 
 from enliven.formats.project.one_character import character_bytes, project_of_mesh
@@ -46,7 +45,7 @@ class NoSensor(Sensor):
         return None
 
 
-class House:
+class ExposedEdge:
     """A real edge that runs one step in each call of :meth:`frame`."""
 
     def __init__(
@@ -80,13 +79,13 @@ class House:
 
     def until(self, done: Callable[[], object], *polled: Callable[[], object]) -> None:
         """Runs frames until a condition holds."""
-        deadline = time.monotonic() + TIMEOUT_S
-        while not done():
-            assert time.monotonic() < deadline, "it never came to be"
+
+        def step() -> None:
             self.frame()
             for poll in polled:
                 poll()
-            time.sleep(0.0005)
+
+        wait_until(done, step=step, interval=0.0005)
 
     def close(self) -> None:
         for visitor in self.visitors:
@@ -98,19 +97,19 @@ class House:
 class Visitor:
     """A client of the edge: a DEALER socket."""
 
-    def __init__(self, house: House, keys: ClientKeys | None = None) -> None:
-        self.house, self.number = house, 0
+    def __init__(self, exposed: ExposedEdge, keys: ClientKeys | None = None) -> None:
+        self.exposed, self.number = exposed, 0
         self.context = make_context()
         self.socket = self.context.socket(zmq.DEALER)
         if keys is not None:
             keys.encrypt_socket(self.socket)
-        self.socket.connect(house.outlet.publisher.endpoint.control_address)
+        self.socket.connect(exposed.outlet.publisher.endpoint.control_address)
 
     def ask(self, body: requests.Ask) -> requests.Answer:
         """Sends a request and runs the edge until it answers."""
         self.number += 1
         self.socket.send(pack_control(requests.Request(self.number, body)))
-        self.house.until(lambda: self.socket.poll(0))
+        self.exposed.until(lambda: self.socket.poll(0))
         reply = unpack_control(self.socket.recv(), topics.REPLY)
         assert reply.id == self.number
         return reply.body
