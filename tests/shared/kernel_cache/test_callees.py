@@ -103,7 +103,7 @@ def test_other_argument_types_of_a_callee_are_separate_variants():
 
 
 def test_threads_that_compile_at_the_same_time_get_entry_points():
-    """A thread that waits for the compiler is not a callee of what another thread compiles."""
+    """A thread that waits for the compiler is not a callee of another thread's kernel."""
     kernels = [make_kernels() for _ in range(4)]
     results = []
     threads = [

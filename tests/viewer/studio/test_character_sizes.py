@@ -35,9 +35,9 @@ class ScalingSession(EdgeSession):
         mesh = make_chair(0.08)
         graph = DeformationGraph.build(mesh, nodes=24, seed=0)
         settings = ActorSettings(fade=0.1, fade_pace=100.0)
-        actor = EmbeddedActor(character_from_graph(mesh, graph, "chair"), graph, settings)
+        self.actor = EmbeddedActor(character_from_graph(mesh, graph, "chair"), graph, settings)
         self.hand_distance = 0.5
-        super().__init__(outlet, [actor], self._make_people)
+        super().__init__(outlet, [self.actor], self._make_people)
         self.workspace = Workspace(Editor(project=project_of_mesh(mesh, "chair")), folder)
         self.workspace.editor.select_only("chair")
         self.session = self.workspace.state(PerformSession)

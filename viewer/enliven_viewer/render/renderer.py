@@ -102,8 +102,6 @@ class Renderer:
 
     def draw(self, scene: Scene, view: CameraView) -> None:
         """Draws a scene into :attr:`picture`, and resolves it."""
-        # Bind a framebuffer, because without one OpenGL refuses even calls that draw nothing.
-        self.picture.drawn.use()
         self.textures.upload_decoded()
         meshes = self.prepare_meshes(scene)
         box = scene.lit_box or EMPTY_BOX
@@ -157,6 +155,8 @@ class Renderer:
 
         New characters are uploaded, and removed ones released.
         """
+        # Bind a framebuffer, because without one OpenGL refuses even calls that draw nothing.
+        self.picture.drawn.use()
         names = {actor.character.id for actor in scene.actors}
         glow, bodies = self.settings.held_light * scene.style.held, [body.id for body in scene.bodies]
         for removed in set(self._meshes) - names:
