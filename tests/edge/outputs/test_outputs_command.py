@@ -14,6 +14,7 @@ from enliven import cli
 from enliven.frames import BodyFrame
 from enliven.health import HealthKind
 from enliven.outputs.opening import open_outputs
+from enliven.outputs.output_plan import plan_outputs
 from enliven.outputs.settings import collect_output_settings
 from enliven_edge.doctor import find_shipped_recording
 from enliven_edge.live_outputs import LiveOutputs
@@ -25,6 +26,16 @@ from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 
 SHORT = ["--possess-at", "0.3", "--port", "0"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled_outputs():
+    """Stores the kernels of the outputs. Otherwise a process of outputs compiles them, while frames are
+    skipped, and a short run ends before it sends anything.
+    """
+    addresses = ["vmc:127.0.0.1:9", "osc:127.0.0.1:9", "vrchat:127.0.0.1:9"]
+    for plan in plan_outputs(collect_output_settings(addresses, {})):
+        plan.open().close()
 
 
 class Bodies(Sensor):
