@@ -12,6 +12,7 @@ The results do not change: LLVM does not reorder floating-point operations unles
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from numba.core.codegen import JITCodeLibrary
@@ -19,6 +20,7 @@ from numba.core.compiler import Compiler, CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.environment import lookup_environment
 from numba.core.registry import CPUDispatcher
+from numba.core.sigutils import normalize_signature
 from numba.core.target_extension import dispatcher_registry, target_registry
 
 
@@ -92,22 +94,27 @@ class KernelCompiler(Compiler):
 class KernelDispatcher(CPUDispatcher):
     """The compiled variants of a function. Python can call a variant only if it is not a callee.
 
-    Args:
-        pipeline_class: the compiler.
-        options: the other arguments of Numba's dispatcher.
+    The arguments are those of Numba's dispatcher.
     """
 
-    def __init__(self, *, pipeline_class: type[Compiler] = KernelCompiler, **options: Any) -> None:
-        super().__init__(pipeline_class=pipeline_class, **options)
+    def __init__(
+        self,
+        py_func: Callable[..., Any],
+        locals: dict[str, Any] | None = None,
+        targetoptions: dict[str, Any] | None = None,
+        pipeline_class: type[Compiler] = KernelCompiler,
+    ) -> None:
+        super().__init__(py_func, locals, targetoptions, pipeline_class)
 
     def compile(self, sig: Any) -> Any:
         """Returns the entry point for argument types. If Python calls a callee, it is compiled again."""
         with global_compiler_lock:
             self.targetctx.codegen()._library_class = KernelLibrary
             if _Compilation.depth == 0:
-                existing = self.overloads.get(tuple(sig))
+                types = tuple(normalize_signature(sig)[0])
+                existing = self.overloads.get(types)
                 if existing is not None and is_callee(existing):
-                    del self.overloads[tuple(sig)]
+                    del self.overloads[types]
             _Compilation.depth += 1
             try:
                 return super().compile(sig)

@@ -1,5 +1,7 @@
 """Functions that only kernels call have no entry point, until Python calls them."""
 
+import subprocess
+import sys
 import threading
 
 import numba
@@ -7,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numba.core import serialize
 
 from enliven.kernel_cache.callees import KernelDispatcher, is_callee
 from enliven.kernels import njit
@@ -134,6 +137,21 @@ def test_a_function_that_fails_to_compile_does_not_change_the_next_one():
     root = make_kernels()[2]
     assert root(4.0) == 2.0
     assert not is_callee(list_variants(root)[0])
+
+
+@pytest.mark.parametrize("signature", ["f8(f8)", numba.float64(numba.float64), (numba.float64,)])
+def test_other_packages_may_give_a_signature(signature):
+    """The class of compiled functions is also used for functions of other packages."""
+    increment = numba.njit(signature)(lambda x: x + 1.0)
+    assert isinstance(increment, KernelDispatcher)
+    assert increment(2.0) == 3.0
+
+
+def test_a_function_can_be_sent_to_another_process():
+    command = "import sys, pickle, enliven.kernels; print(pickle.load(sys.stdin.buffer)(2.0))"
+    data = serialize.dumps(numba.njit(lambda x: x + 1.0))
+    done = subprocess.run([sys.executable, "-c", command], input=data, capture_output=True, check=True)
+    assert done.stdout.split() == [b"3.0"]
 
 
 @pytest.fixture(scope="module")
