@@ -13,6 +13,7 @@ from enliven.frames import DepthFrame
 from enliven.recording import Recording
 from enliven_edge.doctor import find_shipped_recording
 from enliven_edge.tracking.detect.arm_starts import densest_ball
+from enliven_edge.tracking.frame.reduction import measure_depth_image
 from enliven_edge.tracking.scene.floor import correct_mounting, world_from_floor
 from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
@@ -49,16 +50,18 @@ def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
     search = dataclasses.replace(settings.search, fits_per_frame=0)
     tracker = Tracker(dataclasses.replace(settings, scene=SceneSettings(), search=search))
     for frame in _warm_up_frames():
+        measure_depth_image(frame.depth)  # The health monitor measures every frame.
         tracker.track(frame)
         tracker.surfaces()
     _compile_other_kernels()
 
 
+@cache
 def compile_scene_kernels() -> None:
     """Compiles the kernels of the background model and of the floor fit: a seventh of all tracker kernels.
 
-    These kernels come last in :func:`warm_up_tracking`. So a second process can compile them while the first
-    process compiles the others.
+    :func:`warm_up_tracking` needs them only after half of its time. So another process can compile them while
+    this one compiles the kernels of the fit. Repeated calls do nothing.
     """
     frame = next(_recorded_frames())
     depth = np.full_like(frame.depth, _WALL_MM)

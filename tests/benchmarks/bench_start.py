@@ -35,6 +35,10 @@ LATER = 30
 """Number of later frames with which the first one is compared."""
 PATIENCE = 120.0
 """Timeout for the first pose, seconds."""
+POLL_INTERVAL = 0.01
+"""Seconds between two looks for a pose. Looking every millisecond would take a third of a processor core from
+the edge, which compiles on both cores of a small machine.
+"""
 ENLIVEN = [sys.executable, "-m", "enliven"]
 
 FIRST_FRAME = f"""
@@ -103,7 +107,7 @@ def time_first_pose(patience: float = PATIENCE, **environment: str) -> float:
             if time.perf_counter() - began > patience or edge.poll() is not None:
                 raise RuntimeError("the edge sent no pose")
             if not feed.poll(document):
-                time.sleep(0.001)
+                time.sleep(POLL_INTERVAL)
         return time.perf_counter() - began
     finally:
         feed.close()

@@ -13,6 +13,7 @@ from enliven.frames import DepthFrame
 from enliven.recording import Recording
 from enliven_edge.doctor import find_shipped_recording
 from enliven_edge.sensors.registry import open_sensor
+from enliven_edge.tracking.health.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker
 from enliven_edge.warmup import warm_up_tracking
 
@@ -42,10 +43,12 @@ else:
     cases = {"live": live}
 for name, frames in cases.items():
     before = kernels()
-    tracker = Tracker()
+    tracker, health = Tracker(), HealthMonitor()
     for frame in frames:
-        tracker.track(frame)
+        health.admit(frame)
+        bodies = tracker.track(frame)
         tracker.surfaces()
+        health.check_result(frame, bodies, tracker.world_from_camera, tracker.state)
     print(name, *sorted({d.py_func.__name__ for d, n in kernels().items() if n > before.get(d, 0)}), sep="|")
 """
 """For each kind of frame, prints the kernels that were compiled or loaded while tracking it."""

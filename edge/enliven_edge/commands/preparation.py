@@ -43,12 +43,13 @@ def prepare_actors(
             actor_id = actor.character.id
             actors[actor_id], parts[actor_id] = actor, choice.parts or default_parts(choice.mesh)
             actor.preview(None, parts[actor_id].split("/")[0].strip())
+            if tracker.is_running:
+                # Earlier than the other process needs them, so that neither compiles them twice.
+                compile_scene_kernels()
             next_step("Compiling the solver (stored for later starts)")
             actor.warm_up()
             next_step("Compiling the tracker (stored for later starts)")
         posecode.warm_up()
-        if tracker.is_running:
-            compile_scene_kernels()
         tracker.wait()
         warm_up_tracking(edge_settings.tracker)
     return list(actors.values()), parts

@@ -82,12 +82,13 @@ class KernelLibrary(JITCodeLibrary):
 
 
 class KernelCompiler(Compiler):
-    """Numba's compiler, which leaves out the entry point for Python if the function is a callee."""
+    """Numba's compiler, which leaves out the entry points for Python and C if the function is a callee."""
 
     def define_pipelines(self) -> Any:
         """Returns the passes of the compiler."""
         if compiles_callee():
-            self.state.flags.no_cpython_wrapper = self.state.flags.no_compile = True
+            flags = self.state.flags
+            flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.no_compile = True
         return super().define_pipelines()
 
 

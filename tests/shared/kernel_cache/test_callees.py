@@ -51,6 +51,22 @@ def test_a_callee_is_compiled_without_an_entry_point():
         assert [is_callee(variant) for variant in list_variants(callee)] == [True]
 
 
+def test_a_callee_has_no_entry_point_for_c():
+    @numba.njit
+    def callee(x):
+        return x + 1.0
+
+    @numba.njit
+    def kernel(x):
+        return callee(x)
+
+    assert kernel(1.0) == 2.0
+    (variant,) = list_variants(callee)
+    assert "cfunc." not in variant.library.get_llvm_str()
+    (variant,) = list_variants(kernel)
+    assert "cfunc." in variant.library.get_llvm_str(), "Numba still names these entry points in this way"
+
+
 def test_python_can_call_a_callee_later():
     total, scaled_roots, root = make_kernels()
     total(np.ones(2))
