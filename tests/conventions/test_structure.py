@@ -3,6 +3,7 @@ reported.
 """
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -38,6 +39,20 @@ def test_imports_keep_all_contracts():
     status, report = lint()
     assert status == 0, report
     assert "18 kept" in report
+
+
+def test_library_names_no_module_of_a_program():
+    """import-linter does not see an import whose name is a string. Programs register with entry points."""
+    named = [
+        f"{path}:{node.lineno}: {node.value}"
+        for module, path in project_tree().modules.items()
+        if module.startswith("enliven.")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant)
+        and isinstance(node.value, str)
+        and re.fullmatch(r"enliven_(edge|viewer|synthesis)\.[\w.:]+", node.value)
+    ]
+    assert not named, named
 
 
 def test_library_has_few_levels():

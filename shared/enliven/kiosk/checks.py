@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 import os
 import re
 import socket
 import stat
 from collections.abc import Callable, Iterator
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,9 @@ from .profile import KioskCharacter, KioskProfile, load_profile
 from .programs import BUILT_IN_MESHES, local_edges
 from .souvenir_address import check_souvenir_address
 
+ENTRY_POINTS = "enliven.kiosk_checks"
+"""Group of entry points. Each is a function that takes a profile and its path, and yields the mistakes that
+only its own package can recognise, such as a wrong setting of an edge."""
 _NAME_PATTERN = re.compile(r"[A-Za-z0-9_-]{1,40}")
 """Pattern of the names of edges and characters. They become parts of file names and of the names of systemd
 units."""
@@ -78,10 +80,12 @@ def _find_profile_mistakes(profile: KioskProfile, path: Path, starts_here: bool)
                 yield InputError(f"{name!r} is not a valid name for {kind}", where=str(path), remedy=remedy)
     for name, character in profile.characters.items():
         yield from _find_character_mistakes(name, character, path)
-    yield from _find_edge_mistakes(profile, path)
+    yield from _find_missing_settings(profile, path)
     yield from _find_missing_files(profile, path)
     yield from _find_space_mistakes(profile, path)
     yield from _find_wrong_words(profile, path)
+    for entry in sorted(entry_points(group=ENTRY_POINTS)):
+        yield from entry.load()(profile, path)
     error = _catch_error(lambda: check_souvenir_address(profile.souvenir, str(path)))
     if error is not None:
         yield error
@@ -108,23 +112,15 @@ def _find_character_mistakes(name: str, character: KioskCharacter, path: Path) -
             yield InputError(error.what, where=f"{path}, characters.{name}.parts", remedy=error.remedy)
 
 
-def _find_edge_mistakes(profile: KioskProfile, path: Path) -> Iterator[EnlivenError]:
-    """Yields the mistakes in the edges' settings files."""
+def _find_missing_settings(profile: KioskProfile, path: Path) -> Iterator[EnlivenError]:
+    """Yields the settings files of edges that do not exist."""
     for name, edge in profile.edges.items():
-        if not edge.settings:
-            continue
-        settings = path.parent / edge.settings
-        if not is_file(settings):
+        if edge.settings and not is_file(path.parent / edge.settings):
             yield InputError(
                 f"the settings file {edge.settings} in edges.{name} does not exist",
                 where=str(path),
                 remedy=f"Relative paths start at the folder {path.parent}.",
             )
-        elif importlib.util.find_spec("enliven_edge") is not None:
-            kind = importlib.import_module("enliven_edge.settings").EdgeSettings
-            error = _catch_error(lambda settings=settings, kind=kind: load_settings(kind, settings))
-            if error is not None:
-                yield error
 
 
 def _find_missing_files(profile: KioskProfile, path: Path) -> Iterator[EnlivenError]:
@@ -173,15 +169,7 @@ def _find_space_mistakes(profile: KioskProfile, path: Path) -> Iterator[EnlivenE
 
 
 def _find_wrong_words(profile: KioskProfile, path: Path) -> Iterator[EnlivenError]:
-    """Yields a mistake for an unknown language, an invalid screen size, and an invalid time of day."""
-    language = profile.story.language
-    if language and importlib.util.find_spec("enliven_viewer") is not None:
-        languages = importlib.import_module("enliven_viewer.language").LANGUAGES
-        if language not in languages:
-            remedy = f"Known languages: {', '.join(languages)}."
-            yield InputError(
-                f"the language {language!r} in story.language is not known", where=str(path), remedy=remedy
-            )
+    """Yields a mistake for an invalid screen size, and for an invalid time of day."""
     size = profile.screen.size
     if size and not _SIZE_PATTERN.fullmatch(size):
         yield InputError(
