@@ -34,6 +34,7 @@ from tracking_evaluation import evaluated
 from tracking_scores import Scores
 from tracking_set import CLOSE, FLOOR, TUNING, TURNS, sequences
 
+from enliven.arrays import Bool
 from enliven.person import Joint
 from enliven_edge.tracking.detect import (
     arm_recovery,
@@ -44,7 +45,16 @@ from enliven_edge.tracking.detect import (
 from enliven_edge.tracking.detect.arm_recovery import ArmRecovery
 from enliven_edge.tracking.detect.fit_quality import Facing
 from enliven_edge.tracking.detect.proposals import NetworkProposer
-from enliven_edge.tracking.people import follower, search
+from enliven_edge.tracking.frame.observation import FrameView
+from enliven_edge.tracking.output.speed_limit import SpeedLimit
+from enliven_edge.tracking.people import follower, people, search
+from enliven_edge.tracking.people.reidentification import AbsentPerson, PersonGallery
+from enliven_edge.tracking.people.track_manager import Duplicates
+from enliven_edge.tracking.scene import background_model
+from enliven_edge.tracking.scene.background_model import BackgroundModel
+from enliven_edge.tracking.segment import candidates, pieces
+from enliven_edge.tracking.segment.person_shape import BlobShape
+from enliven_edge.tracking.segment.segmentation import LooseGroup, Segments
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 
@@ -85,6 +95,20 @@ def _returns(value: Any) -> Callable[..., Any]:
     return lambda *_arguments, **_options: value
 
 
+def _ignores(*_arguments: Any, **_options: Any) -> None:
+    """Does nothing."""
+
+
+def _match_nobody(
+    _gallery: PersonGallery, newcomers: list[Any], _time_ns: int
+) -> list[tuple[AbsentPerson | None, bool]]:
+    return [(None, True)] * len(newcomers)
+
+
+def _find_group_alone(segments: Segments, main: LooseGroup, _view: FrameView) -> tuple[Bool, None]:
+    return segments.group(main), None
+
+
 def _starts_without_mirror(*arguments: Any) -> list[Any]:
     starts = arm_starts.arm_starts(*arguments)
     kept = [start for start in starts if getattr(start, "func", None) is not arm_starts.mirror_other_arm]
@@ -107,6 +131,21 @@ MECHANISMS = (
     Mechanism("search in unions of blobs", ((search, "_SINGLE_PERSON", 2.0),)),
     Mechanism("search without touching objects", ((follower, "_MIN_BARE_FRACTION", 2.0),)),
     *(Mechanism(f"fit: {name}", fit=((name, 0.0),)) for name in FIT_WEIGHTS),
+    # Each of the following rules owns a group of constants in its module.
+    Mechanism("rule: speed limit of joints", ((SpeedLimit, "__call__", lambda _s, j, c, _t: (j, c)),)),
+    Mechanism("rule: confidence of seated legs", ((follower, "limit_when_seated", lambda sure, _p: sure),)),
+    Mechanism("rule: confidence of new people", ((Tracker, "_limit_confidence", lambda _s, sure, _a: sure),)),
+    Mechanism("rule: hidden people", ((people, "compute_occluded_fractions", _returns((0.0, 0.0))),)),
+    Mechanism("rule: duplicates", ((Duplicates, "find", _returns([])),)),
+    Mechanism("rule: recognition of absent people", ((PersonGallery, "match", _match_nobody),)),
+    Mechanism("rule: people in the background", ((Tracker, "_remove_learnt_people", _ignores),)),
+    Mechanism("rule: furniture next to people", ((Tracker, "_absorb_furniture", _ignores),)),
+    Mechanism("rule: guard of people", ((BackgroundModel, "guard", _ignores),)),
+    Mechanism("rule: fill of unseen background", ((background_model, "background_fill", lambda z, *_: z),)),
+    Mechanism("rule: walls", ((pieces, "remove_walls", lambda _view, mask, *_: mask),)),
+    Mechanism("rule: touching people", ((candidates, "split_people", lambda _points, mask: [mask]),)),
+    Mechanism("rule: fragments of a person", ((candidates, "add_fragments", _find_group_alone),)),
+    Mechanism("rule: shape of a person", ((BlobShape, "may_be_person", property(_returns(True))),)),
 )
 """All mechanisms. The first is the whole tracker, to which the others are compared."""
 
