@@ -78,6 +78,7 @@ def figures() -> Iterator[Figure]:
         offsets = [travel.offset for travel in travelled]
         yield Figure("examples.travel_offset_m", max(offsets), "m")
         yield Figure("examples.travel_offset_m_median", float(np.median(offsets)), "m")
+        yield Figure("examples.travel_farthest_m", max(travel.farthest for travel in travelled), "m")
         steps = [
             travel.slide
             for travel in travelled

@@ -86,9 +86,10 @@ def test_hands_that_direct_traffic_are_followed_on_both_sides(mesh):
 @pytest.mark.parametrize(
     "mesh", ["fish", "octopus", "spider", "cow", "cactus", "humanoid", "armadillo", "trex"]
 )
-@pytest.mark.parametrize("take", ["traffic", "waves", "strolls"])
+@pytest.mark.parametrize("take", ["traffic", "waves", "strolls", "boxes", "leaps"])
 def test_puppet_is_at_its_performer_after_a_minute(mesh, take):
     travelled = in_place(mesh, take)
     assert travelled.offset < 0.2
+    assert travelled.farthest < 0.2, "metres, at any time of the take"
     if take == "strolls":
         assert travelled.slide < 0.1, "centimetres a second"

@@ -25,11 +25,20 @@ from enliven.examples.puppet_examples import (
 )
 from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.examples.spacetime.constraints import convert_constraints
-from enliven.examples.spacetime.following import PathFollower, complex_from_floor, floor_from_complex
+from enliven.examples.spacetime.following import (
+    PathFollower,
+    complex_from_floor,
+    floor_from_complex,
+    limit_length,
+)
 from enliven.examples.spacetime.locomotion import PlacedMotion, check_switches
 from enliven.examples.spacetime.planting import lock_feet
 from enliven.examples.travel import PerformerFeet, convert_take, layer_travel, performer_feet
 from enliven.skeletons.facing import find_facing, rotate_about_y
+
+_FEET_RETURN_S = 0.3
+"""Duration, in seconds, in which displaced feet return to their positions at the end of a take. The mesh
+moves over its standing foot meanwhile, so the time is long enough to avoid a jump."""
 
 
 def solve_motion(material: MotionInputs) -> PuppetMotion:
@@ -161,10 +170,7 @@ class _MotionSolve:
         size = self._layer.weight * float(np.linalg.norm(np.ptp(self._rest, axis=0)))
         feet = self._held_feet
         following = PathFollower(size, self._material.locomotion, self.converted_take.step, len(feet))
-        contact_settings, standing = (
-            self._material.locomotion.contact,
-            np.zeros((len(placed.root), 0), np.bool_),
-        )
+        standing = np.zeros((len(placed.root), 0), np.bool_)
         if feet:
             standing = self._alternating_stance | (placed.anchors[:, None] == feet)
             standing &= (placed.anchors >= 0)[:, None]
@@ -173,22 +179,43 @@ class _MotionSolve:
             np.empty(standing.shape, np.complex128),
             0j,
         )
-        offsets = self.path - (complex_from_floor(placed.root) - complex_from_floor(placed.root[0]))
-        for frame, (offset, stands) in enumerate(zip(offsets.tolist(), standing.tolist(), strict=True)):
-            pull += following.compute_correction(offset - pull, stands)
+        own_path = complex_from_floor(placed.root) - complex_from_floor(placed.root[0])
+        moves = np.diff(own_path, prepend=0j)
+        offsets = self.path - own_path
+        frames = zip(offsets.tolist(), standing.tolist(), moves.tolist(), strict=True)
+        for frame, (offset, stands, moved) in enumerate(frames):
+            pull += following.compute_correction(offset - pull, stands, moved)
             pulls[frame], held[frame] = pull, following.held
-        if self.converted_take.step < contact_settings.blend:
-            # Fade the displacements of the feet to zero at the end. They are zero at the start too, so the
-            # take can loop.
-            held *= np.minimum(
-                np.arange(len(held))[::-1] * self.converted_take.step / contact_settings.blend, 1.0
-            )[:, None]
+        pulls += self._return_feet_at_end(held, placed.anchors, offsets - pulls, following.farthest)
         pull_positions = floor_from_complex(pulls)
         placed = replace(
             placed, root=placed.root + pull_positions, world=placed.world + pull_positions[:, None]
         )
         placed.world[:, feet] += floor_from_complex(held)
         return placed, held
+
+    def _return_feet_at_end(self, held: Complex, anchors: Int, offsets: Complex, farthest: float) -> Complex:
+        """Fades the displacements (F, K) of the feet to zero at the end of the take. They are zero at the
+        start too, so the take can loop.
+
+        Returns the shift (F,) of the root that keeps the anchor in place meanwhile. The anchor slides if the
+        mesh would be more than ``farthest`` metres from the path.
+
+        Args:
+            offsets: (F,) displacements from the mesh to its path, metres.
+        """
+        remaining = np.arange(len(held))[::-1] * self.converted_take.step
+        removed = held * np.maximum(1.0 - remaining / _FEET_RETURN_S, 0.0)[:, None]
+        held -= removed
+        shift, feet = np.zeros(len(held), np.complex128), self._held_feet
+        for frame in np.flatnonzero(remaining < _FEET_RETURN_S)[1:].tolist() if feet else []:
+            shift[frame] = shift[frame - 1]
+            if anchors[frame] >= 0:
+                foot = feet.index(int(anchors[frame]))
+                shift[frame] += removed[frame, foot] - removed[frame - 1, foot]
+            offset = complex(offsets[frame])
+            shift[frame] = offset - limit_length(offset - shift[frame], max(abs(offset), farthest))
+        return shift
 
     def displace_feet(self, places: Float, held: Complex, yaw: Float) -> Float:
         """Returns control points (F, P, 3) in the mesh's frame, with feet displaced by (F, K) metres."""

@@ -70,6 +70,8 @@ class Travelled:
     Attributes:
         mesh, take: names of :data:`MESHES`, :data:`STAYS` and :data:`GOES`.
         offset: distance on the floor from the performer's scaled path, at the end of the last loop, metres.
+        farthest: largest distance on the floor from the performer's scaled path in all frames of the take,
+            metres.
         slide: mean sliding speed of anchors over all frames in contact, centimetres per second.
         pairs: the joints of its control points, feet with a star.
     """
@@ -77,12 +79,13 @@ class Travelled:
     mesh: str
     take: str
     offset: float
+    farthest: float
     slide: float
     pairs: str
 
     def __str__(self) -> str:
-        summary = f"{self.mesh:10s} {self.take:8s} {self.offset:.2f} m off, slides {self.slide:.1f} cm/s"
-        return f"{summary}: {self.pairs}"
+        distances = f"{self.offset:.2f} m off, at most {self.farthest:.2f} m"
+        return f"{self.mesh:10s} {self.take:8s} {distances}, slides {self.slide:.1f} cm/s: {self.pairs}"
 
 
 def list_travels() -> Iterator[Travelled]:
@@ -99,7 +102,9 @@ def compute_travel(mesh: str, take: str) -> Travelled:
     puppet = project.puppets["it"]
     motion = solve_layer_motion(project, puppet, 0)
     points = [point.joint + "*" * point.foot for point in puppet.points]
-    return Travelled(mesh, take, _compute_offset(motion), slide(motion), ", ".join(points))
+    distances = np.linalg.norm((motion.root - motion.root[0] - motion.path)[:, [0, 2]], axis=1)
+    offset, farthest = _compute_offset(motion), float(distances.max())
+    return Travelled(mesh, take, offset, farthest, slide(motion), ", ".join(points))
 
 
 def posed(mesh: Mesh, clip: Clip) -> Project:

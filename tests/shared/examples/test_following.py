@@ -86,14 +86,12 @@ def test_nobody_is_led_astray_in_a_minute(seed, kind, body):
     assert walk.travels
     size = float(np.linalg.norm(np.ptp(puppet.rest, axis=0)))
     off = np.linalg.norm((walk.root - walk.root[0] - walk.path)[:, [0, 2]], axis=1)
-    # Its own steps lead it away at some speed; beyond two leashes it is drawn back in a fifth of a second.
-    own = solve_layer_motion(*loose(project), 0)
-    away = np.linalg.norm(np.diff(own.root - own.path, axis=0)[:, [0, 2]], axis=1).max() / STEP
     if body == "steps":
-        assert off.max() < 2 * LEASH * size + 0.2 * away + 1e-6
-        # At most 3.3 leashes in 78 random projects.
-        assert np.median(off) < 4 * LEASH * size
+        # Its own steps lead it away at any speed, but never farther than two leashes.
+        assert off.max() < 2 * LEASH * size + 1e-6
     else:
+        own = solve_layer_motion(*loose(project), 0)
+        away = np.linalg.norm(np.diff(own.root - own.path, axis=0)[:, [0, 2]], axis=1).max() / STEP
         assert off.max() < LEASH * size + 0.02 * away + 0.01
     assert off[-1] < 0.2
 
@@ -148,13 +146,17 @@ def test_drift_correction_does_not_slide_planted_feet(seed, angle):
     assert drawn > 0.1
     moves = {"drawn": corrected, "loose": plain}
     for name, motion in moves.items():
-        still = np.flatnonzero((motion.anchors[1:] == motion.anchors[:-1]) & (motion.anchors[1:] >= 0))[:-5]
+        still = np.flatnonzero((motion.anchors[1:] == motion.anchors[:-1]) & (motion.anchors[1:] >= 0))
         spots = [
             [motion.compute_world_position(f, int(motion.anchors[k + 1])) for f in (k, k + 1)] for k in still
         ]
         moves[name] = np.linalg.norm(np.diff(spots, axis=1)[:, 0, [0, 2]], axis=1)
     assert moves["loose"].max() < 1e-9
     assert np.mean(moves["drawn"] < 1e-9) > 0.95
+    # At the end of the take the feet return to their positions, so that it can loop. They do not slide then.
+    assert (moves["drawn"][-5:] < 1e-9).all()
+    own = solve_layer_motion(*loose(project), 1)
+    np.testing.assert_allclose(corrected.places[-1], own.places[-1], atol=1e-9)
 
 
 @given(st.integers(0, 10**6), st.integers(2, 40))
@@ -196,10 +198,10 @@ def test_drift_correction_acts_only_beyond_leash_at_any_rate(far, angle, step):
     pull = 0j
     for _ in range(round(1.0 / step)):
         pull += follows.compute_correction(off - pull, [True, False])
-        assert abs(follows.held[0]) <= 0.1 + 1e-12 and follows.held[1] == 0j
+        assert abs(follows.held[0]) <= 0.15 + 1e-12 and follows.held[1] == 0j
     if far <= 0.1:
         assert pull == 0j
-    elif far < 0.19:
+    elif far < 0.2:
         seconds = round(1.0 / step) * step
         assert follows.held[0] == pytest.approx(-pull)
         assert abs(off - pull) == pytest.approx(0.1 + (far - 0.1) * np.exp(-2.0 * seconds), rel=1e-6)
@@ -208,6 +210,47 @@ def test_drift_correction_acts_only_beyond_leash_at_any_rate(far, angle, step):
     for _ in range(round(1.0 / step)):
         follows.compute_correction(0j, [False, False])
     assert abs(follows.held[0]) < 1e-3, "a lifted foot goes back to its place"
+
+
+@given(st.integers(0, 10**6), st.floats(0.1, 6.0), st.floats(1 / 120, 1 / 20))
+@settings(max_examples=20, deadline=None)
+def test_no_step_leads_the_mesh_farther_than_two_leashes(seed, speed, step):
+    """Its feet stand, are lifted and carry it away in random directions. Its performer moves, too."""
+    rng = np.random.default_rng(seed)
+    follows = PathFollower(1.0, LocomotionSettings(leash=0.1), step, 2)
+    frames = round(4.0 / step)
+    phases = (np.arange(frames) * step / 0.5).astype(int)
+    own, path = (most * np.exp(2j * np.pi * rng.random(phases[-1] + 1)) for most in (speed, min(speed, 3.0)))
+    stances = rng.random((phases[-1] + 1, 2)) < 0.5
+    off = follows.compute_correction(0j, [False, False])
+    for phase in phases:
+        moved = own[phase] * step
+        off += path[phase] * step - moved
+        pull = follows.compute_correction(off, stances[phase].tolist(), moved)
+        off -= pull
+        assert abs(off) < 0.2 + 1e-9
+    # The path jumps by three sizes. The mesh follows with a time constant of 0.2 s, and does not jump.
+    pull = follows.compute_correction(off + 3.0, [True, False], 0j)
+    assert 10 * step < abs(pull) < 20 * step
+
+
+@given(st.floats(0.0, 0.33), st.floats(-3, 3), st.floats(1 / 120, 1 / 20))
+@few
+def test_standing_foot_returns_to_its_position_when_the_drift_reverses(far, angle, step):
+    """The mesh drifts to one side and back within a second, while its foot stands."""
+    follows = PathFollower(1.0, LocomotionSettings(leash=0.1), step, 1)
+    frames = max(round(0.5 / step), 1)
+    move = far * np.exp(1j * angle) / frames
+    off = 0j
+    for moved in [move] * frames + [-move] * frames:
+        off -= moved
+        pull = follows.compute_correction(off, [True], moved)
+        off -= pull
+        # The foot stays in place: all of the pull displaces it in the mesh.
+        assert abs(off - follows.held[0]) <= far + 1e-9
+    assert abs(off - follows.held[0]) < 1e-9
+    # Only the slow pull remains.
+    assert abs(follows.held[0]) < 0.06
 
 
 def test_puppet_without_travel_stays_in_place():

@@ -264,7 +264,9 @@ class Locomotion:
         ) & footing.touches
         is_standing = is_standing[: len(self._following.held)]
         deviation = path_position - self._from[0] - (complex(complex_from_floor(root)) - self._from[1])
-        root += floor_from_complex(self._following.compute_correction(deviation, is_standing.tolist()))
+        moved = complex(complex_from_floor(root - self.root))
+        pull = self._following.compute_correction(deviation, is_standing.tolist(), moved)
+        root += floor_from_complex(pull)
         if not self._following.held:
             return places
         out = places.copy()
