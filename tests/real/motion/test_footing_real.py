@@ -91,6 +91,18 @@ def test_feet_of_a_real_runner_that_turn_on_the_spot_do_not_slide(model: str, na
     assert np.median(speeds) < 2.0 and np.percentile(speeds, 90) < 5.0
 
 
+def test_a_real_leg_without_foot_does_not_spin_on_its_sole() -> None:
+    """The skin of its soles is weighted to the shins, which twist as the performer's shins do."""
+    path = DATA / "bvh" / "bandai_namco" / "dataset-1_walk_normal_001.bvh"
+    clip, _ = read_take(path, None, 0.0, 2.0)
+    shape = read_gltf(DATA / "humanoids" / "quaternius_cyberpunk.glb").shape
+    result = retarget(shape, clip, replace(create_automatic_plan(clip, shape), travel=True, pin=True))
+    glb = build_glb([sample_performance(result.project, result.shape_id, 0.0, result.duration, 30.0)])
+    speeds, errors = standing_slides(path, glb, "quaternius"), limb_errors(path, glb, "quaternius")
+    assert len(speeds) > 20 and np.median(speeds) < 0.4 and np.percentile(speeds, 90) < 1.0
+    assert np.percentile(errors["shin"], 90) < 12.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["Spider", "Horse", "Deer"])
 @pytest.mark.parametrize(

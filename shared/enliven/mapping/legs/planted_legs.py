@@ -68,6 +68,9 @@ if the shin has 40 % of the sole's skin weight."""
 _MIN_CORRECTION = 1e-4
 """The passes that correct the soles end if all corrections are below this fraction of the leg's length: 0.1
 mm on an adult."""
+_MIN_SHIN_SLOPE = 0.5
+"""Smallest vertical part of a shin's direction, as a fraction of its length, that determines how far the shin
+twists. A twist of a flatter shin hardly rotates its sole about the vertical."""
 _MIN_FLIGHT_HEIGHT = 0.4
 """Smallest height of the lowest foot of a stepping model in the air, as a fraction of the height of the
 performer's lowest foot. With a smaller height, feet would drag over the floor between the contacts of a
@@ -315,11 +318,10 @@ def _correct_soles(
     skeleton, floor = shape.skeleton, floor_height_under(shape)
     for _ in range(_SOLE_PASSES):
         for step, sole, leg, spin in zip(steps, soles, legs, spins, strict=True):
-            if step.toes:
-                excess = remove_spin(
-                    sole.compute_accumulated_rotation(turns, joints) - spin, leg.spans, performer.step
-                )
-                _turn_about_vertical(skeleton, step.leg[-1], excess, turns, joints)
+            excess = remove_spin(
+                sole.compute_accumulated_rotation(turns, joints) - spin, leg.spans, performer.step
+            )
+            _turn_sole(skeleton, step, excess, turns, joints)
         bent_legs = _update_rolling(legs, soles, turns, joints)
         offsets = compute_remaining_offsets(bent_legs, np.zeros_like(joints[:, 0]), performer.step, floor)
         if all(np.abs(d).max() < _MIN_CORRECTION * leg.length for d, leg in zip(offsets, legs, strict=True)):
@@ -399,17 +401,27 @@ def _hold_heading(
         (T,) radians, the intended rotation of the sole about +Y.
     """
     spin = sole.compute_accumulated_rotation(turns, joints)
-    if not step.toes:
-        return spin
     correction = remove_spin(spin, spans, step_s)
-    _turn_about_vertical(skeleton, step.leg[-1], correction, turns, joints)
+    _turn_sole(skeleton, step, correction, turns, joints)
     return spin + correction
 
 
-def _turn_about_vertical(skeleton: Skeleton, ankle: int, angles: Float, turns: Float, joints: Float) -> None:
-    """Rotates all descendants of an ankle by ``angles`` (T,) radians about +Y. Changes ``turns`` and
-    ``joints`` in place."""
-    _turn_foot(skeleton, ankle, from_rotation_vector(angles[:, None] * [0.0, 1.0, 0.0]), turns, joints)
+def _turn_sole(skeleton: Skeleton, step: LegStep, angles: Float, turns: Float, joints: Float) -> None:
+    """Rotates the sole of a leg by ``angles`` (T,) radians about +Y. Changes ``turns`` and ``joints`` in
+    place.
+
+    A foot rotates about its ankle. If the leg has no foot, its sole is the end of the shin, so the shin
+    twists about its own axis. Knee and ankle stay where they are.
+    """
+    ankle = step.leg[-1]
+    if step.toes:
+        vertical = from_rotation_vector(angles[:, None] * [0.0, 1.0, 0.0])
+        _turn_foot(skeleton, ankle, vertical, turns, joints)
+        return
+    axes = unit(joints[:, step.leg[-2]] - joints[:, ankle])
+    slopes = np.where(axes[:, 1] < 0.0, -1.0, 1.0) * np.maximum(np.abs(axes[:, 1]), _MIN_SHIN_SLOPE)
+    twist = from_rotation_vector((angles / slopes)[:, None] * axes)
+    turns[:, ankle] = multiply(twist, turns[:, ankle])
 
 
 def _turn_foot(skeleton: Skeleton, ankle: int, turning: Float, turns: Float, joints: Float) -> None:
