@@ -25,6 +25,7 @@ from enliven.mapping.joint_limits import limit_joints
 from enliven.mapping.legs.gait import (
     bones_that_only_step,
     choose_standing_on_feet,
+    find_planted_legs,
     find_posed_stepping_legs,
     leg_to_ankle,
     legs_that_step,
@@ -427,6 +428,7 @@ def retarget(
         remedy = "Write a mapping file with --write-map, and edit it."
         raise InputError("no chain of the take matches a chain of the model", where="mapping", remedy=remedy)
     stepping, posed = legs_that_step(shape, clip, plan), find_posed_stepping_legs(shape, clip, plan)
+    planted = find_planted_legs(shape, clip, plan)
     # A body with the performer's skeleton moves exactly as in the take, unless its feet are planted.
     is_same_skeleton = plan.travel and not posed and _is_twin(clip.skeleton, shape.skeleton)
     is_on_floor = stands_on_floor(shape) and not is_same_skeleton
@@ -442,11 +444,11 @@ def retarget(
     project, names = limit_joints(project, shape.id, clip, plan, clips, stepping_bones)
     if level:
         project = apply_steps(project, shape.id, clip, rebased_clip, plan)
-        feet = choose_standing_on_feet(clip) if posed and plan.travel else None
+        feet = choose_standing_on_feet(clip) if planted and clip.duration > 0.0 else None
         project = keep_on_floor(project, shape.id, rebased_clip, duration, not stepping, feet)
     if plan.pin:
         steps = step_sizes(shape, clip, rebased_clip, plan)
-        project = pin_all_feet(project, shape, steps, level, above=is_on_floor and not level, without=posed)
+        project = pin_all_feet(project, shape, steps, level, above=is_on_floor and not level, without=planted)
     take_facing, model_facing = initial_facings(clip, shape, plan)
     return RetargetedShape(
         project, shape.id, clip, plan, duration, model_facing, take_facing, tuple(clips), names

@@ -53,6 +53,8 @@ factor."""
 _MAX_HAND_DISTANCE = 1.5
 """Largest distance of a hand's points from its wrist, in forearm lengths. Human hands reach 0.75, cartoon
 hands 1.2."""
+_MAX_FRAME_ERROR = 1e-3
+"""Largest difference of a number of frames from a whole number that is a rounding error."""
 _MIN_TWIST_NORM = 0.2
 """Minimum norm of a rotation's twist about the vertical. With a smaller norm the body is nearly upside down,
 and its heading is undefined."""
@@ -123,7 +125,12 @@ def compute_posed_surfaces(project: Project, shape_id: str, times: AnyArray) -> 
 def leap_heights(clip: Clip) -> Float:
     """Returns the height (F,) in metres of a leaping performer above the floor. It is 0 while any body part
     touches the floor."""
-    height = joint_places(clip)[..., 1]
+    return leap_heights_of_joints(joint_places(clip)[..., 1])
+
+
+def leap_heights_of_joints(height: Float) -> Float:
+    """Returns the leap height (F,) in metres of a performer, given the heights (F, N) of all joints in
+    metres; see :func:`leap_heights`."""
     lowest = height.min(1)
     roll = _FOOT_ROLL_HEIGHT * float(np.ptp(height, axis=1).max())
     return np.asarray(np.maximum(lowest - np.percentile(lowest, _FLOOR_PERCENTILE) - roll, 0.0))
@@ -208,8 +215,12 @@ def foot_contact_weights(clip: Clip, feet: Collection[int]) -> Float:
 
 
 def sample_times(duration: float, rate: float) -> Float:
-    """Returns times (T,) in seconds from 0 to ``duration``, at ``rate`` Hz or slightly more."""
-    return np.linspace(0.0, duration, int(np.ceil(duration * rate)) + 1)
+    """Returns times (T,) in seconds from 0 to ``duration``, at ``rate`` Hz or slightly more.
+
+    A rounding error does not add a sample. With one sample more, the times would no longer be those of the
+    take's frames.
+    """
+    return np.linspace(0.0, duration, int(np.ceil(duration * rate - _MAX_FRAME_ERROR)) + 1)
 
 
 def _compute_lowest_point_path(moments: Iterator[Float], count: int) -> tuple[Float, Float]:

@@ -5,10 +5,12 @@ here. Nothing of ``enliven.mapping`` is used. A foot of the performer stands if 
 slow. The model's feet are its lowest part at rest. The lowest centimetre of a foot touches the floor.
 
     speeds = standing_slides(Path("run.bvh"), glb_bytes, "mixamo")     # (S,) cm/s in the size of a person
+    speeds = standing_leg_slides(Path("run.bvh"), glb_bytes, "Horse")  # the same for each leg of an animal
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +26,22 @@ from limb_directions import (
     world_matrices,
 )
 
+LEGS = {
+    "Horse": {"FFB.L": 0, "FFB.R": 1, "FF.L": 1, "FF.R": 0},
+    "Deer": {"FFB.L": 0, "FFB.R": 1, "FF.L": 1, "FF.R": 0},
+    "Spider": {
+        "BackFoot.L": 0,
+        "BackFoot.R": 1,
+        "MidBackFoot.L": 1,
+        "MidBackFoot.R": 0,
+        "MidFrontFoot.L": 0,
+        "MidFrontFoot.R": 1,
+        "FrontFoot.L": 1,
+        "FrontFoot2.R": 0,
+    },
+    "Trex": {"BackFoot.L": 0, "BackFoot.R": 1},
+}
+"""The ankles of animals, each with the side of the performer's foot that it follows: 0 is left, 1 right."""
 PERSON_M = 1.75
 """Height of a person in metres. Speeds are scaled to this size."""
 FOOT_HEIGHT = 0.08
@@ -51,12 +69,35 @@ def standing_slides(motion: Path, glb: bytes, model: str) -> np.ndarray:
     document = pygltflib.GLTF2.load_from_bytes(glb)
     times = model_times(document)
     stands = performer_stands(motion, times)
-    feet, height = _feet_over_time(document, model)
+    spelled = JOINTS[model][-1]
+    names = [(node.name or "").split(" to ")[0] for node in document.nodes]
+    feet, height = _feet_over_time(document, [find_name(names, spelled, side) for side in SIDES])
     scale, speeds = PERSON_M / height, list[np.ndarray]()
     for side, foot in enumerate(feet):
         speed = patch_speeds(foot * scale, times)
         speeds.append(speed[stands[1:, side] & stands[:-1, side]])
     return 100.0 * np.concatenate(speeds)
+
+
+def standing_leg_slides(motion: Path, glb: bytes, model: str) -> dict[str, np.ndarray]:
+    """Returns the speeds (S,) in cm/s of the touching part of each foot of an animal, by its ankle's name.
+
+    The frames are those in which the performer's foot stands that the foot follows.
+
+    Args:
+        motion: the file that was retargeted, from its beginning on.
+        glb: the written model, which moves over the floor.
+        model: the animal, a key of ``LEGS``.
+    """
+    document = pygltflib.GLTF2.load_from_bytes(glb)
+    times, legs = model_times(document), LEGS[model]
+    stands = performer_stands(motion, times)
+    feet, height = _feet_over_time(document, list(legs))
+    slides = dict[str, np.ndarray]()
+    for (name, side), foot in zip(legs.items(), feet, strict=True):
+        speed = patch_speeds(foot * PERSON_M / height, times)
+        slides[name] = 100.0 * speed[stands[1:, side] & stands[:-1, side]]
+    return slides
 
 
 def patch_speeds(foot: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -101,8 +142,8 @@ def _remove_short(stands: np.ndarray, seconds: float) -> np.ndarray:
     return kept
 
 
-def _feet_over_time(document: pygltflib.GLTF2, model: str) -> tuple[list[np.ndarray], float]:
-    """Returns the vertices (T, V, 3) in metres of the left and the right foot, and the model's height."""
+def _feet_over_time(document: pygltflib.GLTF2, ankles: Sequence[str]) -> tuple[list[np.ndarray], float]:
+    """Returns the vertices (T, V, 3) in metres of the foot at each of the ankles, and the model's height."""
     blob, worlds = document.binary_blob(), world_matrices(document)
     skinned = [(node, document.skins[node.skin]) for node in document.nodes if node.skin is not None]
     node, skin = skinned[0]
@@ -110,13 +151,13 @@ def _feet_over_time(document: pygltflib.GLTF2, model: str) -> tuple[list[np.ndar
     at, joints, weights = _read_vertices(document, blob, node.mesh)
     names = {(document.nodes[k].name or "").split(" to ")[0]: n for n, k in enumerate(skin.joints)}
     rest = np.linalg.inv(inverse)[:, :3, 3]
-    ankles = [rest[names[find_name(names, JOINTS[model][-1], side)]] for side in SIDES]
+    places = np.array([rest[names[ankle]] for ankle in ankles])
     height, low = np.ptp(at[:, 1]), at[:, 1].min()
     moves = np.stack([worlds[j] @ inverse[n] for n, j in enumerate(skin.joints)], axis=1)
     feet = []
-    for own, other in (ankles, ankles[::-1]):
-        nearer = np.linalg.norm(at - own, axis=1) < np.linalg.norm(at - other, axis=1)
-        foot = np.flatnonzero(nearer & (at[:, 1] < low + FOOT_HEIGHT * height))
+    nearest = np.linalg.norm(at[:, None] - places, axis=2).argmin(1)
+    for number in range(len(ankles)):
+        foot = np.flatnonzero((nearest == number) & (at[:, 1] < low + FOOT_HEIGHT * height))
         moved = np.zeros((len(moves), len(foot), 3))
         for bones, shares in zip(joints[foot].T, weights[foot].T, strict=True):
             used = moves[:, bones]

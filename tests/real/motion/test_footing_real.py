@@ -23,7 +23,7 @@ from enliven.motion_clips.take_files import read_take
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "retargeting"))
 from limb_directions import limb_errors
-from standing_feet import standing_slides
+from standing_feet import standing_leg_slides, standing_slides
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))
 pytestmark = [
@@ -89,6 +89,37 @@ def test_feet_of_a_real_runner_that_turn_on_the_spot_do_not_slide(model: str, na
     )
     assert len(speeds) > 20
     assert np.median(speeds) < 2.0 and np.percentile(speeds, 90) < 5.0
+
+
+def test_a_real_leg_without_foot_does_not_spin_on_its_sole() -> None:
+    """The skin of its soles is weighted to the shins, which twist as the performer's shins do."""
+    path = DATA / "bvh" / "bandai_namco" / "dataset-1_walk_normal_001.bvh"
+    clip, _ = read_take(path, None, 0.0, 2.0)
+    shape = read_gltf(DATA / "humanoids" / "quaternius_cyberpunk.glb").shape
+    result = retarget(shape, clip, replace(create_automatic_plan(clip, shape), travel=True, pin=True))
+    glb = build_glb([sample_performance(result.project, result.shape_id, 0.0, result.duration, 30.0)])
+    speeds, errors = standing_slides(path, glb, "quaternius"), limb_errors(path, glb, "quaternius")
+    assert len(speeds) > 20 and np.median(speeds) < 0.4 and np.percentile(speeds, 90) < 1.0
+    assert np.percentile(errors["shin"], 90) < 12.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["Spider", "Horse", "Deer"])
+@pytest.mark.parametrize(
+    "take", ["bandai_namco/dataset-1_walk_normal_001.bvh", "bandai_namco/dataset-1_run_normal_001.bvh"]
+)
+def test_standing_feet_of_a_real_animal_do_not_slide(model: str, take: str) -> None:
+    path = DATA / "bvh" / take
+    clip, _ = read_take(path, None, 0.0, SECONDS)
+    shape = read_gltf(DATA / f"gltf/quaternius/{model}.glb").shape
+    result = retarget(shape, clip, replace(create_automatic_plan(clip, shape), travel=True, pin=True))
+    glb = build_glb([sample_performance(result.project, result.shape_id, 0.0, result.duration, 30.0)])
+    slides = standing_leg_slides(path, glb, model)
+    assert len(slides) >= 4 and all(len(speeds) >= 5 for speeds in slides.values())
+    speeds = np.concatenate(list(slides.values()))
+    assert np.median(speeds) < 2.0 and np.percentile(speeds, 90) < 5.0
+    quality = measure_quality(result.project, result.shape_id, clip, result.duration)
+    assert quality.slide < 5.0 and max(quality.sunk, quality.afloat) < 0.03
 
 
 @pytest.mark.parametrize(("model", "names"), [("BrainStem", "brainstem"), ("CesiumMan", "khronos")])

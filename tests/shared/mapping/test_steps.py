@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 from made_bodies import crawler, horse, man, random_motion, shape_with_markers, snake, spider, walk
+from made_gaits import gait
 
 from enliven.document.clip import Clip, joint_places
+from enliven.mapping.applying import source_anatomy
 from enliven.mapping.automatic_mapping import create_automatic_plan, retarget
 from enliven.mapping.ground import compute_posed_surfaces, floor_height_under
 from enliven.mapping.legs.gait import find_stepping_legs, legs_that_step
@@ -103,6 +106,30 @@ def test_feet_stand_while_the_body_turns_over_them(model, seed):
     size = np.ptp(MODELS[model]().positions, axis=0).max()
     assert len(ankles) >= 2
     assert np.ptp(at, axis=0).max() < 0.02 * size
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_pinned_feet_do_not_slide_in_a_run(model):
+    """In a run the contacts are short. Between them no foot stands, and no foot drags over the floor.
+
+    The runner's arms are raised, so the forelegs follow the arms.
+    """
+    (clip, stands), shape = gait(4.0, 0.12, 0.3), shape_with_markers(model, MODELS[model]())
+    result = made_of(shape, clip, pin=True)
+    times, skeleton = np.arange(len(clip.turns)) * clip.step, shape.skeleton
+    joints, height = Player(result.project, model).sample(times)[1], np.ptp(skeleton.positions[:, 1])
+    steps = [step for step in find_stepping_legs(shape, clip, result.plan) if step.arm is None]
+    assert len(steps) == len(find_anatomy(skeleton).legs) * 2 - 2
+    left = source_anatomy(clip).legs[0][0]
+    for step in steps:
+        is_standing = stands[:, int(step.source.proper != left.proper)]
+        # The first and the last frames of a contact blend into the swing.
+        inside = scipy.ndimage.binary_erosion(is_standing, iterations=2)
+        moves = np.linalg.norm(np.diff(joints[:, step.leg[-1]], axis=0), axis=1)[inside[1:] & inside[:-1]]
+        assert len(moves) >= 4 and moves.max() < 2e-3 * height, "a standing foot is still"
+    in_air = scipy.ndimage.binary_erosion(~stands.any(1), iterations=2)
+    lowest = np.min([joints[in_air, step.limb.proper[-1], 1] for step in steps], axis=0)
+    assert len(lowest) >= 6 and lowest.min() > skeleton.positions[:, 1].min() + 0.01 * height
 
 
 @settings(max_examples=5, deadline=None)

@@ -17,7 +17,7 @@ import scipy
 from enliven.arrays import Float
 from enliven.document import Clip, RiggedCharacter, Skeleton, joint_places
 from enliven.mapping.applying import initial_facings, source_anatomy
-from enliven.mapping.ground import floor_height_under, foot_contact_weights
+from enliven.mapping.ground import floor_height_under, foot_contact_weights, leap_heights_of_joints
 from enliven.mapping.plan import Mode, Plan
 from enliven.mapping.resting import compute_first_heading, heading_from_rotation
 from enliven.motion.layers.travel import travel_scale
@@ -88,6 +88,14 @@ def legs_that_step(shape: RiggedCharacter, clip: Clip, plan: Plan) -> tuple[Skel
 def find_posed_stepping_legs(shape: RiggedCharacter, clip: Clip, plan: Plan) -> tuple[SkeletonLimb, ...]:
     """Returns the legs of a shape that step and keep the performer's pose."""
     return tuple(step.limb for step in find_stepping_legs(shape, clip, plan) if step.posed)
+
+
+def find_planted_legs(shape: RiggedCharacter, clip: Clip, plan: Plan) -> tuple[SkeletonLimb, ...]:
+    """Returns the legs of a shape whose standing feet are planted: posed legs or, if there are none, all legs
+    that step."""
+    if not (plan.pin and plan.travel):
+        return ()
+    return find_posed_stepping_legs(shape, clip, plan) or legs_that_step(shape, clip, plan)
 
 
 def bones_that_only_step(shape: RiggedCharacter, clip: Clip, plan: Plan) -> set[int]:
@@ -280,6 +288,11 @@ class PerformerGait:
         (T,)."""
         standing = shape.skeleton.positions[0, 1] + shape.place[1] - floor_height_under(shape)
         return np.asarray(root - standing - self.scale * (self.root_height + self.posed[:, 1].min()))
+
+    def compute_leap_heights(self) -> Float:
+        """Returns the height (T,) in metres of the performer's leaps, scaled to the model; see
+        :func:`leap_heights`."""
+        return self.scale * leap_heights_of_joints(self.offsets[..., 1] + self.root_height[:, None])
 
     def find_foot_joint(self, leg: SkeletonLimb) -> int:
         """Returns the joint of a leg's foot that moves least vertically while the foot stands."""

@@ -25,20 +25,40 @@ def list_rotation_chains(skeleton: Skeleton, step: LegStep) -> list[tuple[int, .
 def make_foot_sole(shape: RiggedCharacter, step: LegStep) -> Sole:
     """Returns the part of a leg that may touch the floor: its foot, or the end of its shin if it has no
     foot."""
-    return Sole(shape, shape.skeleton.list_subtree(step.leg[-1])[1:] or [step.leg[-1]])
+    ankle = step.leg[-1]
+    return Sole(shape, shape.skeleton.list_subtree(ankle)[1:] or [ankle], None if step.posed else ankle)
 
 
 def bend_leg(
-    skeleton: Skeleton, step: LegStep, performer: PerformerGait, targets: Float, turns: Float, joints: Float
+    skeleton: Skeleton,
+    step: LegStep,
+    performer: PerformerGait,
+    targets: Float,
+    turns: Float,
+    joints: Float,
+    foot_heading: Float | None = None,
 ) -> None:
     """Bends a leg so that its end reaches ``targets`` (T, 3) in metres. Changes ``turns`` and ``joints`` in
-    place."""
+    place.
+
+    Args:
+        skeleton: the model's skeleton.
+        step: the leg.
+        performer: the performer's gait.
+        targets: (T, 3) metres, the target positions of the leg's end.
+        turns: (T, N, 4) world rotations.
+        joints: (T, N, 3) metres.
+        foot_heading: (T, 4) rotations about +Y of a foot that steps. If None, the foot has the heading of the
+            body.
+    """
     chain, heading = step.leg, heading_from_rotation(turns[:, 0])
     weights = np.ones(len(turns)) if step.arm is None else performer.walking_weights(step.arm)
     bones = {bone for path in list_rotation_chains(skeleton, step) for bone in path[1:]}
-    for j in sorted(bones.union(skeleton.list_subtree(chain[-1])[1:])):
+    foot_bones = skeleton.list_subtree(chain[-1])[1:]
+    for j in sorted(bones.union(foot_bones)):
         if j in bones and not step.posed:
-            turns[:, j] = slerp(turns[:, j], heading, weights)
+            bone_heading = heading if foot_heading is None or j not in foot_bones else foot_heading
+            turns[:, j] = slerp(turns[:, j], bone_heading, weights)
         joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
     bend_limb(skeleton, chain, weights, targets, turns, joints)
 

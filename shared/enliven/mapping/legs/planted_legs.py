@@ -18,7 +18,7 @@ from enliven.arrays import Float
 from enliven.document import RiggedCharacter, Skeleton
 from enliven.mapping.ground import floor_height_under
 from enliven.mapping.legs.gait import LegStep, PerformerGait, leg_length
-from enliven.mapping.legs.leg_motion import bend_leg, make_foot_sole
+from enliven.mapping.legs.leg_motion import bend_leg, bend_limb, make_foot_sole
 from enliven.mapping.legs.planting import (
     PosedLeg,
     Spans,
@@ -30,6 +30,8 @@ from enliven.mapping.legs.planting import (
     remove_spin,
 )
 from enliven.mapping.legs.sole import Sole
+from enliven.motion.contact.contacts import find_runs
+from enliven.motion.contact.pin import find_bend
 from enliven.rotation import (
     conjugate,
     from_rotation_vector,
@@ -66,6 +68,28 @@ if the shin has 40 % of the sole's skin weight."""
 _MIN_CORRECTION = 1e-4
 """The passes that correct the soles end if all corrections are below this fraction of the leg's length: 0.1
 mm on an adult."""
+_MIN_SHIN_SLOPE = 0.5
+"""Smallest vertical part of a shin's direction, as a fraction of its length, that determines how far the shin
+twists. A twist of a flatter shin hardly rotates its sole about the vertical."""
+_MIN_FLIGHT_HEIGHT = 0.4
+"""Smallest height of the lowest foot of a stepping model in the air, as a fraction of the height of the
+performer's lowest foot. With a smaller height, feet would drag over the floor between the contacts of a
+run."""
+_MAX_STEP_LOWERING = 0.06
+"""Maximum lowering of a stepping model so that its standing feet reach the floor, as a fraction of the leg
+length. An animal with straight legs takes long steps only if its body is lower. A much lower body would
+stretch the skin of its legs."""
+_MAX_STEP_STRETCH = 0.998
+"""Largest distance from hip to ankle of a leg that steps, as a fraction of the length of the straight leg."""
+_MAX_HORIZONTAL_REACH = 0.6
+"""Horizontal distance from hip to foot, as a fraction of the leg's length, above which a lower body no longer
+helps the foot to reach its place."""
+_STEP_EASING_S = 0.15
+"""Half width in seconds of the filters that smooth the lowering of a stepping model. With a shorter time, its
+body would bob with each step."""
+_MIN_STEPPING_WEIGHT = 0.5
+"""Minimum walking weight with which the foot of a foreleg is planted. With a smaller weight, the foreleg
+mainly follows the performer's arm."""
 _MAX_PELVIS_TURN = np.radians(8.0)
 """Largest rotation (radians) of the bones from the pelvis to the hips, relative to the performer's. Such a
 rotation is invisible even if the hips are wide."""
@@ -111,6 +135,113 @@ def plant_feet(
     for step, target in zip(steps, targets, strict=True):
         bend_leg(shape.skeleton, step, performer, target, turns, joints)
     _correct_soles(shape, steps, soles, legs, spins, performer, turns, joints)
+
+
+def plant_stepping_feet(
+    shape: RiggedCharacter,
+    steps: Sequence[LegStep],
+    contacts: Sequence[Spans],
+    performer: PerformerGait,
+    turns: Float,
+    joints: Float,
+) -> None:
+    """Moves the body, and bends legs that step, so that standing feet are still. Changes ``turns`` and
+    ``joints`` in place.
+
+    A foreleg that an arm drives does not affect the body. While the foreleg follows the arm, its foot is not
+    planted.
+
+    Args:
+        shape: the model.
+        steps: the legs. Their feet follow the performer's feet already.
+        contacts: the contacts of the performer's foot, for each leg.
+        performer: the performer's gait.
+        turns: (T, N, 4) world rotations.
+        joints: (T, N, 3) metres.
+    """
+    skeleton, floor = shape.skeleton, floor_height_under(shape)
+    root = joints[:, 0].copy()
+    soles = [make_foot_sole(shape, step) for step in steps]
+    legs = [
+        _stepping_leg(skeleton, step, sole, spans, performer, turns, joints - root[:, None])
+        for step, sole, spans in zip(steps, soles, contacts, strict=True)
+    ]
+    supports = [leg for step, leg in zip(steps, legs, strict=True) if step.arm is None]
+    if not any(leg.spans for leg in supports):
+        root[:, 1] += floor - np.median(root[:, 1] + np.min([leg.sole for leg in supports], axis=0))
+    # In the air the model is as high as the performer leaps. In the short flights of a run it is lower.
+    clearance = np.min([leg.clearance for leg in supports], axis=0)
+    air_height = np.maximum(performer.compute_leap_heights(), _MIN_FLIGHT_HEIGHT * clearance)
+    corrected_root, _ = plant_body(supports, root, performer.step, floor, air_height)
+    joints += (corrected_root - joints[:, 0])[:, None]
+    offsets = compute_remaining_offsets(legs, corrected_root, performer.step, floor)
+    targets = [joints[:, step.leg[-1]] + offset for step, offset in zip(steps, offsets, strict=True)]
+    drops = [
+        _compute_helpful_lowering(skeleton, step, leg, target, joints)
+        for step, leg, target in zip(steps, legs, targets, strict=True)
+    ]
+    drop = _smooth_drops(np.max(drops, axis=0), performer.step, _STEP_EASING_S)
+    joints -= (drop[:, None] * [0.0, 1.0, 0.0])[:, None]
+    for step, target in zip(steps, targets, strict=True):
+        bend_limb(skeleton, step.leg, np.ones(len(turns)), target, turns, joints)
+    for _ in range(_SOLE_PASSES):
+        bent_legs = _update_rolling(legs, soles, turns, joints)
+        offsets = compute_remaining_offsets(bent_legs, np.zeros_like(root), performer.step, floor)
+        if all(np.abs(d).max() < _MIN_CORRECTION * leg.length for d, leg in zip(offsets, legs, strict=True)):
+            break
+        for step, offset in zip(steps, offsets, strict=True):
+            target = joints[:, step.leg[-1]] + offset
+            bend_limb(skeleton, step.leg, np.ones(len(turns)), target, turns, joints)
+
+
+def _compute_helpful_lowering(
+    skeleton: Skeleton, step: LegStep, leg: PosedLeg, targets: Float, joints: Float
+) -> Float:
+    """Returns how far (T,), metres, the body must be lowered for a standing foot of a leg that steps to reach
+    its targets (T, 3).
+
+    A foot that is far to the side of its hip, as a spider's, would hardly reach farther if the body was
+    lower. So for a larger horizontal distance the body is not lowered farther.
+    """
+    chain = step.leg
+    hip, knee, foot = skeleton.positions[[chain[0], chain[find_bend(skeleton, chain)[0]], chain[-1]]]
+    max_distance = _MAX_STEP_STRETCH * (np.linalg.norm(knee - hip) + np.linalg.norm(foot - knee))
+    offset = targets - joints[:, chain[0]]
+    horizontal = np.minimum(np.hypot(offset[:, 0], offset[:, 2]), _MAX_HORIZONTAL_REACH * max_distance)
+    reach = -np.sqrt(max_distance**2 - horizontal**2)
+    drops = np.clip(reach - offset[:, 1], 0.0, _MAX_STEP_LOWERING * leg.length)
+    stands = np.zeros(len(drops))
+    for first, last in leg.spans:
+        stands[first : last + 1] = 1.0
+    return np.asarray(stands * drops)
+
+
+def _stepping_leg(
+    skeleton: Skeleton,
+    step: LegStep,
+    sole: Sole,
+    spans: Spans,
+    performer: PerformerGait,
+    turns: Float,
+    joints: Float,
+) -> PosedLeg:
+    """Returns a leg that steps, with its contacts ``spans``, given joints (T, N, 3) in metres relative to the
+    root.
+
+    For a foreleg that an arm drives, only the contacts during which it steps are used.
+    """
+    leg = _leg_in_pose(skeleton, step, sole, spans, performer, turns, joints)
+    if step.arm is None:
+        return leg
+    is_stepping = performer.walking_weights(step.arm) >= _MIN_STEPPING_WEIGHT
+    stands = np.zeros(len(turns), np.bool_)
+    for first, last in spans:
+        stands[first : last + 1] = True
+    return replace(
+        leg,
+        clearance=np.where(is_stepping, leg.clearance, 0.0),
+        spans=tuple(find_runs(stands & is_stepping)),
+    )
 
 
 def _turn_pelvis(
@@ -187,11 +318,10 @@ def _correct_soles(
     skeleton, floor = shape.skeleton, floor_height_under(shape)
     for _ in range(_SOLE_PASSES):
         for step, sole, leg, spin in zip(steps, soles, legs, spins, strict=True):
-            if step.toes:
-                excess = remove_spin(
-                    sole.compute_accumulated_rotation(turns, joints) - spin, leg.spans, performer.step
-                )
-                _turn_about_vertical(skeleton, step.leg[-1], excess, turns, joints)
+            excess = remove_spin(
+                sole.compute_accumulated_rotation(turns, joints) - spin, leg.spans, performer.step
+            )
+            _turn_sole(skeleton, step, excess, turns, joints)
         bent_legs = _update_rolling(legs, soles, turns, joints)
         offsets = compute_remaining_offsets(bent_legs, np.zeros_like(joints[:, 0]), performer.step, floor)
         if all(np.abs(d).max() < _MIN_CORRECTION * leg.length for d, leg in zip(offsets, legs, strict=True)):
@@ -271,17 +401,27 @@ def _hold_heading(
         (T,) radians, the intended rotation of the sole about +Y.
     """
     spin = sole.compute_accumulated_rotation(turns, joints)
-    if not step.toes:
-        return spin
     correction = remove_spin(spin, spans, step_s)
-    _turn_about_vertical(skeleton, step.leg[-1], correction, turns, joints)
+    _turn_sole(skeleton, step, correction, turns, joints)
     return spin + correction
 
 
-def _turn_about_vertical(skeleton: Skeleton, ankle: int, angles: Float, turns: Float, joints: Float) -> None:
-    """Rotates all descendants of an ankle by ``angles`` (T,) radians about +Y. Changes ``turns`` and
-    ``joints`` in place."""
-    _turn_foot(skeleton, ankle, from_rotation_vector(angles[:, None] * [0.0, 1.0, 0.0]), turns, joints)
+def _turn_sole(skeleton: Skeleton, step: LegStep, angles: Float, turns: Float, joints: Float) -> None:
+    """Rotates the sole of a leg by ``angles`` (T,) radians about +Y. Changes ``turns`` and ``joints`` in
+    place.
+
+    A foot rotates about its ankle. If the leg has no foot, its sole is the end of the shin, so the shin
+    twists about its own axis. Knee and ankle stay where they are.
+    """
+    ankle = step.leg[-1]
+    if step.toes:
+        vertical = from_rotation_vector(angles[:, None] * [0.0, 1.0, 0.0])
+        _turn_foot(skeleton, ankle, vertical, turns, joints)
+        return
+    axes = unit(joints[:, step.leg[-2]] - joints[:, ankle])
+    slopes = np.where(axes[:, 1] < 0.0, -1.0, 1.0) * np.maximum(np.abs(axes[:, 1]), _MIN_SHIN_SLOPE)
+    twist = from_rotation_vector((angles / slopes)[:, None] * axes)
+    turns[:, ankle] = multiply(twist, turns[:, ankle])
 
 
 def _turn_foot(skeleton: Skeleton, ankle: int, turning: Float, turns: Float, joints: Float) -> None:
@@ -339,8 +479,8 @@ def _compute_required_lowering(skeleton: Skeleton, step: LegStep, targets: Float
     return np.asarray(np.clip(reach - offset[:, 1], 0.0, _MAX_LOWERING * full_length))
 
 
-def _smooth_drops(drops: Float, step: float) -> Float:
+def _smooth_drops(drops: Float, step: float, easing_s: float = _EASING_S) -> Float:
     """Returns smooth distances (T,) in metres that are never smaller than ``drops`` (T,)."""
-    radius = max(round(_EASING_S / step), 1)
+    radius = max(round(easing_s / step), 1)
     maxima = scipy.ndimage.maximum_filter1d(drops, 2 * radius + 1, mode="nearest")
     return np.asarray(scipy.ndimage.uniform_filter1d(maxima, 2 * radius + 1, mode="nearest"))

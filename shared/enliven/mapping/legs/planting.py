@@ -217,7 +217,9 @@ def contact_clearance(heights: Float, spans: Spans) -> Float:
     return np.asarray(np.maximum(heights - standing, 0.0).min(1))
 
 
-def plant_body(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) -> tuple[Float, list[Float]]:
+def plant_body(
+    legs: Sequence[PosedLeg], root: Float, step: float, floor: float, air_height: Float | None = None
+) -> tuple[Float, list[Float]]:
     """Returns the corrected path of the root, and the remaining offset of each foot.
 
     Args:
@@ -225,6 +227,8 @@ def plant_body(legs: Sequence[PosedLeg], root: Float, step: float, floor: float)
         root: (T, 3) metres, the performer's path scaled to the body's size.
         step: seconds from one frame to the next.
         floor: the height of the floor in metres.
+        air_height: (T,) metres, the height of the lowest foot above the floor while the body is in the air.
+            If None, the body has the performer's height, and is only raised if a foot is too low.
 
     Returns:
         The root (T, 3) in metres, and for each leg the remaining offset (T, 3) of its foot in metres.
@@ -250,6 +254,8 @@ def plant_body(legs: Sequence[PosedLeg], root: Float, step: float, floor: float)
         axis=0,
     )
     rise_weights = np.where(min_rise > rise, flight_weights, 0.0)
+    if air_height is not None:
+        min_rise, rise_weights = np.max(target_heights, axis=0) + air_height, flight_weights
     root[:, 1] += (
         _find_smoothest_path([*target_heights, min_rise], [*standing, rise_weights], smooth, 0.0)
         if rise_weights.any()

@@ -29,6 +29,8 @@ _MIN_FOOT_LENGTH = 1e-3
 """Smallest length of a foot in metres, for feet that are a single point."""
 _FOOT_WEIGHT = 0.5
 """Minimum total skin weight of a vertex on the foot's bones for the vertex to belong to the foot."""
+_SOLE_THICKNESS = 0.05
+"""Maximum height of a sole's points above its lowest point, in foot lengths: 12 mm on an adult."""
 _SEARCH_DIRECTIONS = 128
 """Number of evenly distributed directions in which the outermost points of a foot are searched."""
 _FRAMES_PER_BLOCK = 2048
@@ -99,11 +101,13 @@ class Sole:
     Args:
         shape: the body, at rest.
         bones: the bones of the foot.
+        shin: the bone above the foot, if its lowest points belong to the foot too, as the heel of some models
+            does.
     """
 
-    def __init__(self, shape: RiggedCharacter, bones: Sequence[int]) -> None:
+    def __init__(self, shape: RiggedCharacter, bones: Sequence[int], shin: int | None = None) -> None:
         self._skeleton = shape.skeleton
-        self._points, self._bones, self._weights = _foot_surface(shape, bones)
+        self._points, self._bones, self._weights = _foot_surface(shape, bones, shin)
         foot_length = max(float(np.ptp(self._points[:, [0, 2]], axis=0).max()), _MIN_FOOT_LENGTH)
         self._contact_height = _CONTACT_DECAY * foot_length
         self._min_patch_radius = _MIN_PATCH_RADIUS * foot_length
@@ -188,7 +192,9 @@ class Sole:
         return np.concatenate(lowest, axis=1)
 
 
-def _foot_surface(shape: RiggedCharacter, bones: Sequence[int]) -> tuple[Float, AnyArray, AnyArray]:
+def _foot_surface(
+    shape: RiggedCharacter, bones: Sequence[int], shin: int | None
+) -> tuple[Float, AnyArray, AnyArray]:
     """Returns the outermost points (P, 3) of a foot in metres, and the bones (P, K) that move them with their
     weights (P, K).
 
@@ -201,12 +207,25 @@ def _foot_surface(shape: RiggedCharacter, bones: Sequence[int]) -> tuple[Float, 
     foot_vertices = np.flatnonzero(foot_weights.sum(1) > _FOOT_WEIGHT)
     if not len(foot_vertices):
         return joints
+    if shin is not None:
+        shin_weights = np.where(shape.skin.indices == shin, shape.skin.weights, 0.0)
+        is_leg = (foot_weights + shin_weights).sum(1) > _FOOT_WEIGHT
+        foot_vertices = np.union1d(
+            foot_vertices, _find_low_vertices(shape.mesh.vertices, foot_vertices, np.flatnonzero(is_leg))
+        )
     main_bone = shape.skin.indices[foot_vertices, foot_weights[foot_vertices].argmax(1)]
     groups = [foot_vertices[main_bone == bone] for bone in np.unique(main_bone)]
     outermost = np.concatenate(
         [group[_find_outermost_points(shape.mesh.vertices[group])] for group in groups]
     )
     return shape.mesh.vertices[outermost], shape.skin.indices[outermost], shape.skin.weights[outermost]
+
+
+def _find_low_vertices(vertices: Float, foot_vertices: Int, leg_vertices: Int) -> Int:
+    """Returns the vertices of a leg that are as low as the sole of its foot, such as a heel."""
+    foot = vertices[foot_vertices]
+    sole_height = foot[:, 1].min() + _SOLE_THICKNESS * float(np.ptp(foot[:, [0, 2]], axis=0).max())
+    return np.asarray(leg_vertices[vertices[leg_vertices, 1] < sole_height])
 
 
 def _find_outermost_points(points: Float) -> Int:

@@ -28,12 +28,13 @@ from enliven.mapping.legs.gait import (
     STRIDE_S,
     LegStep,
     PerformerGait,
+    find_planted_legs,
     find_stepping_legs,
     leg_length,
     step_scale,
 )
 from enliven.mapping.legs.leg_motion import bend_leg, list_rotation_chains
-from enliven.mapping.legs.planted_legs import find_pelvis_bones, plant_feet
+from enliven.mapping.legs.planted_legs import find_pelvis_bones, plant_feet, plant_stepping_feet
 from enliven.mapping.legs.planting import Spans, find_standing_spans, hold_heading
 from enliven.mapping.plan import Plan
 from enliven.mapping.resting import heading_from_rotation
@@ -59,9 +60,9 @@ def apply_steps(project: Project, shape_id: str, clip: Clip, rebased_clip: Clip,
     steps, duration = find_stepping_legs(shape, clip, plan), clip.duration
     if not steps or duration <= 0.0:
         return project
-    has_posed_leg = any(step.posed for step in steps)
+    is_planted = bool(find_planted_legs(shape, clip, plan))
     times = sample_times(
-        duration, max(_MAX_RATE_HZ, 1.0 / clip.step) if has_posed_leg else min(_MAX_RATE_HZ, 1.0 / clip.step)
+        duration, max(_MAX_RATE_HZ, 1.0 / clip.step) if is_planted else min(_MAX_RATE_HZ, 1.0 / clip.step)
     )
     turns, joints = Player(project, shape_id).sample(times)
     performer = PerformerGait(
@@ -70,11 +71,19 @@ def apply_steps(project: Project, shape_id: str, clip: Clip, rebased_clip: Clip,
     posed_steps = [step for step in steps if step.posed]
     if posed_steps:
         plant_feet(shape, posed_steps, performer, turns, joints)
-        project = follow_path(project, shape_id, clip.id, joints[:, 0].copy(), times[1])
-    for step in steps:
+    root = joints[:, 0].copy()
+    contacts = [_find_performed_contacts(step, performer, root) for step in steps]
+    for step, spans in zip(steps, contacts, strict=True):
         if not step.posed:
-            targets = _end_targets(shape, step, performer, turns, joints)
-            bend_leg(shape.skeleton, step, performer, targets, turns, joints)
+            angles = _foot_heading_angles(shape, spans, performer, turns)
+            heading = from_rotation_vector(angles[:, None] * [0.0, 1.0, 0.0])
+            targets = _end_targets(shape, step, performer, heading, turns, joints)
+            foot_heading = heading if is_planted else None
+            bend_leg(shape.skeleton, step, performer, targets, turns, joints, foot_heading)
+    if is_planted and not posed_steps:
+        plant_stepping_feet(shape, steps, contacts, performer, turns, joints)
+    if is_planted:
+        project = follow_path(project, shape_id, clip.id, joints[:, 0].copy(), times[1])
     lift_forelegs(shape, clip, steps, performer, times, turns, joints)
     take = Clip(unused(f"{clip.id}: steps", project.takes), shape.skeleton, turns, joints[:, 0], times[1])
     project = project.with_takes(take)
@@ -109,22 +118,40 @@ def _find_performed_contacts(step: LegStep, performer: PerformerGait, root: Floa
     return find_standing_spans(foot, root, performer.step, length)
 
 
+def _foot_heading_angles(
+    shape: RiggedCharacter, spans: Spans, performer: PerformerGait, turns: Float
+) -> Float:
+    """Returns the heading (T,) in radians of a foot that steps. If the model travels, the heading is constant
+    during each of the contacts ``spans``."""
+    angles = _smooth_headings(heading_from_rotation(turns[:, 0]), round(STRIDE_S / performer.step))
+    return angles if shape.travel is None else hold_heading(angles, spans, performer.step)
+
+
 def _end_targets(
-    shape: RiggedCharacter, step: LegStep, performer: PerformerGait, turns: Float, joints: Float
+    shape: RiggedCharacter,
+    step: LegStep,
+    performer: PerformerGait,
+    foot_heading: Float,
+    turns: Float,
+    joints: Float,
 ) -> Float:
     """Returns the target positions (T, 3) in metres for the end of a leg, in the current pose of the
     model.
 
     While the performer's foot stands, the end of the leg stands too, even if the body turns.
+
+    Args:
+        shape: the model.
+        step: the leg.
+        performer: the performer's gait.
+        foot_heading: (T, 4) rotations about +Y of the leg's foot.
+        turns: (T, N, 4) world rotations.
+        joints: (T, N, 3) metres.
     """
     skeleton, ankle, foot = shape.skeleton, step.leg[-1], performer.find_foot_joint(step.source)
     heading, scale = heading_from_rotation(turns[:, 0]), performer.scale
     foot_mean = performer.compute_neutral_foot_position(foot, heading)
     rest = skeleton.positions[ankle] - skeleton.positions[0]
-    angles = _smooth_headings(heading, round(STRIDE_S / performer.step))
-    if shape.travel is not None:
-        angles = hold_heading(angles, _find_performed_contacts(step, performer, joints[:, 0]), performer.step)
-    foot_heading = from_rotation_vector(angles[:, None] * [0.0, 1.0, 0.0])
     return np.asarray(
         joints[:, 0] + scale * performer.offsets[:, foot] + rotate(foot_heading, rest - scale * foot_mean)
     )
