@@ -91,8 +91,8 @@ def find_posed_stepping_legs(shape: RiggedCharacter, clip: Clip, plan: Plan) -> 
 
 
 def find_planted_legs(shape: RiggedCharacter, clip: Clip, plan: Plan) -> tuple[SkeletonLimb, ...]:
-    """Returns the legs of a shape whose standing feet are planted: posed legs or, if there are none, all legs
-    that step."""
+    """Returns the legs of a shape with feet that are planted while they stand: posed legs or, if there are
+    none, all legs that step."""
     if not (plan.pin and plan.travel):
         return ()
     return find_posed_stepping_legs(shape, clip, plan) or legs_that_step(shape, clip, plan)
