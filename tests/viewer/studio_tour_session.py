@@ -97,7 +97,6 @@ def by_hand(workspace: Workspace) -> Iterator[Action]:
     editor, perform = workspace.editor, workspace.state(PerformSession)
     yield from meets(workspace, "do Armchair")
     yield Click(Widget("do Armchair"))
-    began = time.monotonic()
     yield from meets(workspace, "recorded person")
     yield from press(workspace, "recorded person", lambda: perform.live is not None)
     yield from until(workspace, lambda: "stage state" in find_tour(workspace).target.widgets, "the waiting")
@@ -106,7 +105,6 @@ def by_hand(workspace: Workspace) -> Iterator[Action]:
     yield from meets(workspace, "possess")
     yield Click(Widget("possess"))
     yield from until(workspace, lambda: perform.holders, "a dancer in the chair")
-    report["into the chair in s"] = time.monotonic() - began
     yield from meets(workspace, "record")
     yield Click(Widget("record"))
     yield Wait(0.8)

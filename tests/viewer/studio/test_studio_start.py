@@ -60,7 +60,6 @@ def test_the_tour_is_taken_by_hand_from_the_start_page_to_the_kept_file(tmp_path
     assert tuple(name for name, _, _ in report["outlines"]) == MEANT
     for name, outline, widget in report["outlines"]:
         assert widget is None or encloses(outline, widget), name
-    assert report["into the chair in s"] < 60.0, "the performance begins in the first minute"
     assert report["resumed"][0] == report["resumed"][1] == 4, "left in the middle, and resumed there"
     assert (
         report["plays before"] and report["holds still"] and report["plays after"] and report["plays merged"]
