@@ -119,10 +119,10 @@ def findings(root: Path = ROOT) -> Iterator[Finding]:
 
 def of_module(path: str, source: str) -> Iterator[Finding]:
     """Yields the findings in a Python file."""
-    tree = ast.parse(source)
-    for text in texts_of(path, source, tree):
+    nodes = list(ast.walk(ast.parse(source)))
+    for text in texts_of(path, source, nodes):
         yield from of_text(text)
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and not path.startswith("tests/"):
             yield from _verb(path, node)
         elif isinstance(node, ast.ClassDef) and VAGUE_NAMES.fullmatch(node.name.lstrip("_")):
@@ -136,17 +136,17 @@ def of_module(path: str, source: str) -> Iterator[Finding]:
         yield Finding("names", path, 1, Path(path).stem)
 
 
-def texts_of(path: str, source: str, tree: ast.Module) -> Iterator[Text]:
-    """Yields docstrings, comments, and strings of at least four words in a Python file."""
+def texts_of(path: str, source: str, nodes: list[ast.AST]) -> Iterator[Text]:
+    """Yields docstrings, comments, and strings of at least four words in a Python file with these nodes."""
     docstrings = set()
-    for node in ast.walk(tree):
+    for node in nodes:
         body = getattr(node, "body", None)
         for statement in body if isinstance(body, list) else ():
             value = statement.value if isinstance(statement, ast.Expr) else None
             if isinstance(value, ast.Constant) and isinstance(value.value, str):
                 docstrings.add(id(value))
                 yield Text(path, statement.lineno, "docstring", value.value)
-    for node in ast.walk(tree):
+    for node in nodes:
         is_string = isinstance(node, ast.Constant) and isinstance(node.value, str)
         is_message = is_string and id(node) not in docstrings and node.value.count(" ") >= 3
         if is_message and not path.startswith("tests/"):
