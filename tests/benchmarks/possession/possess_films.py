@@ -34,6 +34,8 @@ from possess_cast import (
 from possess_measures import measure
 from possess_studio import Studio
 from possess_take import Act, perform
+from turning_measures import NOISE_M
+from turning_people import FRAME_RATE_HZ, spinning_people
 
 from enliven.deformation.constraints.floor_contact import FloorSettings
 from enliven.frames import BodyFrame
@@ -131,6 +133,10 @@ def films() -> dict[str, Film]:
         "made-chair": Film(
             "The chair, by the project's own performer", _create_own_mesh("chair", "chair"), (Act(1.0),)
         ),
+        "woman-turns": Film("A woman, mapped, while her performer turns", _load_mapped_woman(1), (Act(2.5),)),
+        "woman-turns-again": Film(
+            "A woman, mapped, by another performer who turns", _load_mapped_woman(2), (Act(2.5),)
+        ),
         "made-lamp": Film(
             "The lamp, by the project's own performer",
             _create_own_mesh("lamp", "overhead"),
@@ -165,6 +171,20 @@ def _load_stepped_into(
     def made() -> tuple[list[BodyFrame], EmbeddedActor]:
         mesh = BODIES["t woman"]().mesh
         return read(recording), create_mesh_actor(mesh, "woman", settings=replace(RAISED, meets=meets))
+
+    return made
+
+
+def _load_mapped_woman(seed: int) -> Callable[[], tuple[list[BodyFrame], EmbeddedActor]]:
+    """Returns a function that loads a woman of the project's ten bodies, and a person who turns both ways."""
+
+    def made() -> tuple[list[BodyFrame], EmbeddedActor]:
+        people = spinning_people(seed, noise_m=NOISE_M)
+        frames = [
+            BodyFrame([body], round(n * 1e9 / FRAME_RATE_HZ), "performer") for n, body in enumerate(people)
+        ]
+        mesh = BODIES["t woman"]().mesh
+        return frames, create_mesh_actor(mesh, "woman", settings=ActorSettings(how="mapped", travel=1.0))
 
     return made
 

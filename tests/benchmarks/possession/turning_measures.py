@@ -19,7 +19,7 @@ _HELD_FROM_S = 2.5
 """Time at which the performer is attached, seconds. The performer has turned between detection and
 attachment.
 """
-_NOISE_M = 0.004
+NOISE_M = 0.004
 """Standard deviation of a tracked hip's position, metres."""
 
 
@@ -37,7 +37,7 @@ class Turning:
     first_m: float
 
 
-def measure_turning(mesh: Mesh, how: str, seed: int, noise_m: float = _NOISE_M) -> Turning:
+def measure_turning(mesh: Mesh, how: str, seed: int, noise_m: float = NOISE_M) -> Turning:
     """Measures a human-like mesh while a simulated person spins before and during possession."""
     settings = ActorSettings(how=how, travel=1.0)
     actor = create_mesh_actor(mesh, "it", 128, settings)
