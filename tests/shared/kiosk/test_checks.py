@@ -5,11 +5,13 @@ from __future__ import annotations
 import fcntl
 import socket
 from collections.abc import Iterator
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 from certificates import CertificateFolder
 
+from enliven.kiosk import checks
 from enliven.kiosk.checks import find_mistakes
 from enliven.kiosk.mounts import Mount, find_mount
 from enliven.kiosk.profile import SouvenirSettings, load_profile
@@ -68,6 +70,19 @@ def test_all_mistakes_are_found_at_once(tmp_path: Path) -> None:
     ):
         assert any(words in line for line in lines), (words, lines)
     assert len(lines) == 10
+
+
+def test_another_package_adds_a_check(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = tmp_path / "tall_visitors.py"
+    module.write_text(
+        "from enliven.errors import InputError\n"
+        "def find_mistakes(profile, path):\n"
+        "    yield InputError(f'{profile.name} has a low door', where=path.name, remedy='Raise the door.')\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    added = EntryPoint("doors", "tall_visitors:find_mistakes", checks.ENTRY_POINTS)
+    monkeypatch.setattr(checks, "entry_points", lambda group: [added] if group == added.group else [])
+    assert mistakes(tmp_path, 'name = "hall"\n') == ["foyer.toml: hall has a low door. Raise the door."]
 
 
 def test_unknown_keys_of_all_tables_are_found(tmp_path: Path) -> None:
