@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
-from enliven.arrays import Float
+from enliven.arrays import Bool, Float
 from enliven.document import RiggedCharacter, Skeleton
 from enliven.mapping.ground import floor_height_under
 from enliven.mapping.legs.gait import LegStep, PerformerGait, leg_length
@@ -88,8 +88,8 @@ _STEP_EASING_S = 0.15
 """Half width in seconds of the filters that smooth the lowering of a stepping model. With a shorter time, its
 body would bob with each step."""
 _MIN_STEPPING_WEIGHT = 0.5
-"""Minimum walking weight with which the foot of a foreleg is planted. With a smaller weight, the foreleg
-mainly follows the performer's arm."""
+"""Minimum walking weight of a foreleg. Below it the foreleg mainly follows the performer's arm, and its foot
+is not planted."""
 _MAX_PELVIS_TURN = np.radians(8.0)
 """Largest rotation (radians) of the bones from the pelvis to the hips, relative to the performer's. Such a
 rotation is invisible even if the hips are wide."""
@@ -185,13 +185,35 @@ def plant_stepping_feet(
     for step, target in zip(steps, targets, strict=True):
         bend_limb(skeleton, step.leg, np.ones(len(turns)), target, turns, joints)
     for _ in range(_SOLE_PASSES):
-        bent_legs = _update_rolling(legs, soles, turns, joints)
-        offsets = compute_remaining_offsets(bent_legs, np.zeros_like(root), performer.step, floor)
-        if all(np.abs(d).max() < _MIN_CORRECTION * leg.length for d, leg in zip(offsets, legs, strict=True)):
+        offsets = _compute_sole_offsets(legs, soles, performer.step, floor, turns, joints)
+        if not offsets:
             break
         for step, offset in zip(steps, offsets, strict=True):
             target = joints[:, step.leg[-1]] + offset
             bend_limb(skeleton, step.leg, np.ones(len(turns)), target, turns, joints)
+
+
+def _compute_sole_offsets(
+    legs: Sequence[PosedLeg], soles: Sequence[Sole], step_s: float, floor: float, turns: Float, joints: Float
+) -> list[Float]:
+    """Returns the offset (T, 3) in metres that each sole still has from its place, after the legs were bent.
+
+    The list is empty if all offsets are negligible.
+    """
+    bent_legs = _update_rolling(legs, soles, turns, joints)
+    offsets = compute_remaining_offsets(bent_legs, np.zeros_like(joints[:, 0]), step_s, floor)
+    are_small = all(
+        np.abs(d).max() < _MIN_CORRECTION * leg.length for d, leg in zip(offsets, legs, strict=True)
+    )
+    return [] if are_small else offsets
+
+
+def _mark_standing_frames(spans: Spans, count: int) -> Bool:
+    """Returns (T,) True for the frames within the spans, of ``count`` frames."""
+    stands = np.zeros(count, np.bool_)
+    for first, last in spans:
+        stands[first : last + 1] = True
+    return stands
 
 
 def _compute_helpful_lowering(
@@ -210,10 +232,7 @@ def _compute_helpful_lowering(
     horizontal = np.minimum(np.hypot(offset[:, 0], offset[:, 2]), _MAX_HORIZONTAL_REACH * max_distance)
     reach = -np.sqrt(max_distance**2 - horizontal**2)
     drops = np.clip(reach - offset[:, 1], 0.0, _MAX_STEP_LOWERING * leg.length)
-    stands = np.zeros(len(drops))
-    for first, last in leg.spans:
-        stands[first : last + 1] = 1.0
-    return np.asarray(stands * drops)
+    return np.asarray(_mark_standing_frames(leg.spans, len(drops)) * drops)
 
 
 def _stepping_leg(
@@ -234,9 +253,7 @@ def _stepping_leg(
     if step.arm is None:
         return leg
     is_stepping = performer.walking_weights(step.arm) >= _MIN_STEPPING_WEIGHT
-    stands = np.zeros(len(turns), np.bool_)
-    for first, last in spans:
-        stands[first : last + 1] = True
+    stands = _mark_standing_frames(spans, len(turns))
     return replace(
         leg,
         clearance=np.where(is_stepping, leg.clearance, 0.0),
@@ -322,9 +339,8 @@ def _correct_soles(
                 sole.compute_accumulated_rotation(turns, joints) - spin, leg.spans, performer.step
             )
             _turn_sole(skeleton, step, excess, turns, joints)
-        bent_legs = _update_rolling(legs, soles, turns, joints)
-        offsets = compute_remaining_offsets(bent_legs, np.zeros_like(joints[:, 0]), performer.step, floor)
-        if all(np.abs(d).max() < _MIN_CORRECTION * leg.length for d, leg in zip(offsets, legs, strict=True)):
+        offsets = _compute_sole_offsets(legs, soles, performer.step, floor, turns, joints)
+        if not offsets:
             break
         for step, offset in zip(steps, offsets, strict=True):
             bend_leg(skeleton, step, performer, joints[:, step.leg[-1]] + offset, turns, joints)
