@@ -59,6 +59,18 @@ def test_occluded_person_turning_back_keeps_identity(stagecraft):
     assert seen(log[-6:], 1) == 1.0
 
 
+def test_person_who_waits_behind_a_pillar_stays_on_stage(stagecraft):
+    """Otherwise the character would leave the stage for as long as its performer is hidden."""
+    s = stagecraft
+    walk = through((0.3, 1.0, -3.1), (1.0, 0.0, -3.1), (2.0, 0.0, -3.1), (2.7, -1.0, -3.1))
+    pillar = s.Box((-0.32, 0.0, -2.4), (0.32, 2.4, -2.1))
+    log = s.watch(s.Playground(s.Player(walk), boxes=lambda time: (pillar,)), Tracker(), 3.1)
+    present = [len(bodies) for _, bodies, _ in log[APPEARS:]]
+    assert present == [1] * len(present)
+    assert len(ids_of(log, 0)) == 1
+    assert seen(log[-12:], 0) == 1.0
+
+
 def test_touching_people_stay_two(stagecraft):
     s = stagecraft
     left = s.Player(s.line((-0.7, -2.5), (-0.24, -2.5), 0.2, 1.0), "wave", s.Proportions(height=1.7))
