@@ -38,15 +38,19 @@ BOUNDS = {
 An edge ends only after a body is attached. If an option is given twice, the last value counts.
 """
 SLOW_PAGES = {
+    "docs/blender.md",
     "docs/live-outputs.md",
+    "docs/matching.md",
     "docs/performing.md",
     "docs/physics.md",
     "docs/possession.md",
     "docs/puppets.md",
+    "docs/reading-files.md",
     "docs/retargeting.md",
     "docs/scanning.md",
     "docs/tour.md",
     "docs/tutorials/example-driven-character.md",
+    "docs/tutorials/first-chair.md",
     "docs/tutorials/library-model.md",
     "docs/tutorials/scan-to-character.md",
     "docs/tutorials/two-cameras.md",

@@ -96,6 +96,7 @@ def test_a_character_of_any_rig_is_put_and_performs_and_equal_data_is_sent_once(
     assert uploads.revisions == {} and send(uploads, data, order_of(data, "guest", 3)) > 0
 
 
+@pytest.mark.slow
 def test_a_character_that_is_put_brings_its_textures_as_far_as_the_wire_carries_them_back():
     """Its images reach the stage byte for byte. Images larger than a message are not sent."""
     picture = np.frombuffer(b"\x89PNG\r\n\x1a\n" + bytes(range(200)), np.uint8)
@@ -147,6 +148,7 @@ def test_attachment_continues_in_next_revision():
     assert not stage.holders
 
 
+@pytest.mark.slow
 @settings(max_examples=12)
 @given(st.data())
 def test_no_message_sequence_harms_the_stage(data):
@@ -268,6 +270,7 @@ def test_an_older_revision_is_refused_and_one_that_stops_coming_makes_room(monke
     assert uploads.announce(order_of(CHAIR, "e")) == Awaited(0)
 
 
+@pytest.mark.slow
 def test_person_search_is_not_repeated_after_moving_vertices(monkeypatch):
     """The search takes as long as all other steps. It is repeated only if faces change, or if it found a
     person.

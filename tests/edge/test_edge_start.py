@@ -35,6 +35,7 @@ UNASKED = {
 """Modules that a start with the chair must not load, and their purpose."""
 
 
+@pytest.mark.slow
 def test_an_edge_loads_only_what_its_character_needs(tmp_path):
     """If a kiosk's edge fails, the kiosk waits for this start. The first start prepares the character and
     kernels.
@@ -50,6 +51,7 @@ def test_an_edge_loads_only_what_its_character_needs(tmp_path):
     assert sorted(UNASKED.keys() & set(loaded)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sends_picture", [True, False])
 def test_first_log_lines_say_what_viewers_can_see(tmp_path, sends_picture):
     settings = tmp_path / "edge.toml"

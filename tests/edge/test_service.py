@@ -90,6 +90,7 @@ def published(outlet, tmp_path) -> list[tuple[int, list[Body]]]:
     ]
 
 
+@pytest.mark.slow
 def test_heartbeat_reports_problems_and_late_frames_are_dropped(outlet, tmp_path):
     with SyntheticSensor(choreography="idle", width=320, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(90)]

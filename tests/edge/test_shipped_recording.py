@@ -29,6 +29,7 @@ reproduces all.
 """
 
 
+@pytest.mark.slow
 def test_recording_has_nine_seconds_with_ground_truth() -> None:
     recording = Recording(CHAIR)
     assert CHAIR.stat().st_size < 3_000_000
@@ -47,6 +48,7 @@ def test_recording_has_nine_seconds_with_ground_truth() -> None:
         assert 0.75 < (frame.depth > 0).mean() < 0.95  # with holes, like a real depth image
 
 
+@pytest.mark.slow
 def test_its_images_and_joints_are_those_of_the_studio() -> None:
     """Checks sixteen of its frames, independent of compression."""
     recording = Recording(CHAIR)
@@ -58,6 +60,7 @@ def test_its_images_and_joints_are_those_of_the_studio() -> None:
         assert np.allclose(truth.bodies[0].joints, studio.body(frame.time_ns).joints, atol=1e-6), AGAIN
 
 
+@pytest.mark.slow
 def test_command_reproduces_the_shipped_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert SyntheticStudio(load_profile("kinect1"), SyntheticSettings(width=320)).frames == WHOLE, AGAIN
     monkeypatch.setattr(SyntheticStudio, "frames", MADE_AGAIN)

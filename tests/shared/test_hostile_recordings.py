@@ -132,6 +132,7 @@ def zipped(**entries: bytes) -> bytes:
     return out.getvalue()
 
 
+@pytest.mark.slow
 def test_a_project_that_unpacks_to_a_flood_is_refused(tmp_path):
     path = tmp_path / "bomb.enliven"
     path.write_bytes(zipped(a=bytes(300 << 20)))
@@ -141,6 +142,7 @@ def test_a_project_that_unpacks_to_a_flood_is_refused(tmp_path):
     assert caught.value.exit_code == 3 and str(path) in caught.value.where
 
 
+@pytest.mark.slow
 def test_an_entry_that_lies_about_its_size_is_read_no_further(tmp_path):
     data = zipped(a=bytes(300 << 20))
     lie = data.replace(struct.pack("<I", 300 << 20), struct.pack("<I", 100))

@@ -162,6 +162,7 @@ def test_edge_without_a_log_reader_continues_and_ends_well(tmp_path):
             edge.kill()
 
 
+@pytest.mark.slow
 def test_viewer_reports_missing_edge(tmp_path, enliven):
     settings = tmp_path / "viewer.toml"
     settings.write_text("[film]\npatience = 1.0\n")

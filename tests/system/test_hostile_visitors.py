@@ -73,6 +73,7 @@ def test_a_revision_that_jumps_is_refused_and_newcomers_still_join(
     newcomer.close()
 
 
+@pytest.mark.slow
 def test_the_artist_replaces_a_character_that_a_visitor_put_as_high_as_it_may(exposed: ExposedEdge) -> None:
     rude, artist = exposed.visitor(), EdgeClient([exposed.outlet.publisher.endpoint])
     highest = 0
@@ -125,6 +126,7 @@ def test_artist_continues_with_a_restarted_edge() -> None:
     artist.close()
 
 
+@pytest.mark.slow
 def test_the_stage_takes_a_limited_number_of_characters_in_all_and_of_each_visitor() -> None:
     exposed = ExposedEdge(StageSettings(characters=4, per_viewer=2))
     rude, artist = exposed.visitor(), exposed.visitor()
@@ -226,6 +228,7 @@ def memory() -> float:
     return int(status.split("VmRSS:")[1].split()[0]) / 1024
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
 def test_departed_characters_leave_no_memory(
     exposed: ExposedEdge, capsys: pytest.CaptureFixture[str]

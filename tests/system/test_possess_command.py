@@ -65,6 +65,7 @@ def test_the_holds_of_a_recording_are_read_with_its_performers(take):
     assert project.bodies[how.take].people.tolist() == [1, 2] and '"fade": 0.2' in how.settings
 
 
+@pytest.mark.slow
 def test_another_mesh_performs_the_recording(take, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     save_mesh(make_cactus(cell=0.08), tmp_path / "CACTUS.obj")

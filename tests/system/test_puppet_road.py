@@ -145,6 +145,7 @@ def taken(take: Path) -> tuple[Character, list[Pose], list[int]]:
     return character, poses, [len(message) for message in raw]
 
 
+@pytest.mark.slow
 @pytest.mark.system
 def test_the_shipped_recording_drives_the_shipped_cactus(road: Path) -> None:
     character, poses, sizes = taken(road / "take.mcap")

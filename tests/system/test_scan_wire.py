@@ -128,6 +128,7 @@ def test_turning_object_is_scanned_in_fine_voxels(running, frames) -> None:
     running.ask(Scan("cancel"))
 
 
+@pytest.mark.slow
 def test_scanned_character_is_placed_next_to_the_others(frames) -> None:
     chair = create_mesh_actor(load_sample("chair"), "chair", 32, fit=False)
     running = ScanningEdge([chair])

@@ -48,6 +48,7 @@ def edge(name: str, *arguments: str) -> list[str]:
     return command("edge", "--sensor", "troubled", *ports, *arguments)
 
 
+@pytest.mark.slow
 def test_edge_survives_and_reports_every_fault(tmp_path, installed):
     options = ["--set", "frames=120", "--set", f"faults={FAULTS}", "--set", "every=10", "--set", "pace=0.01"]
     asked = edge("outlives", *options, "--record", str(tmp_path / "take.mcap"))
@@ -61,6 +62,7 @@ def test_edge_survives_and_reports_every_fault(tmp_path, installed):
     assert len(list(Recording(tmp_path / "take.mcap").messages("bodies"))) == 120
 
 
+@pytest.mark.slow
 def test_once_option_ends_the_program_at_first_fault(installed):
     options = ["--set", "faults=OSError", "--set", "frames=1000000", "--set", "pace=0.01"]
     done = subprocess.run(
@@ -123,6 +125,7 @@ def no_camera():
         pytest.skip("there is one")
 
 
+@pytest.mark.slow
 def test_run_without_its_camera_gives_advice_and_command(no_camera):
     asked = command("run", "--sensor", "oak", "--window")
     done = subprocess.run(asked, capture_output=True, text=True, timeout=PATIENCE)

@@ -130,6 +130,7 @@ def test_take_records_adding_changing_and_removing_a_character(edge: StagedEdge)
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edge", [20.0], indirect=True)
 def test_large_character_passes_the_rate_limit_and_only_the_newest_follows(
     edge: StagedEdge,
@@ -146,6 +147,7 @@ def test_large_character_passes_the_rate_limit_and_only_the_newest_follows(
     assert answers == [(0, Done()), (4, Done())] and not edge.link.stage.is_uploading
 
 
+@pytest.mark.slow
 def test_stage_command_lists_puts_removes_and_reports_errors(edge: StagedEdge, tmp_path: Path) -> None:
     def run(*words: str) -> str:
         result = CliRunner().invoke(command, [*words, "--edge", str(edge.endpoint)])

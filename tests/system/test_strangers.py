@@ -204,6 +204,7 @@ def test_long_subscriptions_take_no_memory_and_stop_no_stream(edge: RunningEdge)
     reset(rude)
 
 
+@pytest.mark.slow
 def test_idle_connections_neither_end_a_loop_nor_keep_others_out() -> None:
     """Opens more connections than the edge may have descriptors, half of them to each port."""
     edge, idle = RunningEdge(descriptors=256), []
@@ -224,6 +225,7 @@ def test_idle_connections_neither_end_a_loop_nor_keep_others_out() -> None:
     assert ended == 0
 
 
+@pytest.mark.slow
 def test_long_requests_that_pile_up_take_no_memory(edge: RunningEdge) -> None:
     rude = [connected(edge.control_port, "DEALER") for _ in range(20)]
     sent = pushed(rude, make_frame(bytes(4000)) * 16)

@@ -94,6 +94,7 @@ def test_stored_sessions_are_small_with_at_most_four_key_poses():
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("word", "said", "code"), [("cactus", "Set ENLIVEN_DATA", 1), ("dodo", "Known: cactus", 2)]
 )

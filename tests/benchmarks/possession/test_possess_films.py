@@ -96,6 +96,7 @@ def driven() -> dict[str, Measures]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mesh", ["chair", "lamp"])
 def test_shipped_meshes_stay_within_bounds(driven, mesh) -> None:
     """Values when the films were made. The chair has 1.59 (its arms flap by 90 degrees), 12.7 for its worst

@@ -109,6 +109,7 @@ def not_understood(recogniser: Recogniser, sound: bytes) -> tuple[list[str], lis
     return phrases, recogniser.take_not_understood()
 
 
+@pytest.mark.slow
 @spoken
 @pytest.mark.parametrize("text", ["look at the lights", "puppet walk away", "puppet sing a song"])
 def test_speech_that_is_no_phrase_is_reported_with_words(recogniser, text):

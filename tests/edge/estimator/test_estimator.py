@@ -74,6 +74,7 @@ def test_facing_is_estimated_correctly():
     assert np.mean(np.isin(wrong, (0, 1, FACINGS - 1))) > FACING_NEARLY_RIGHT
 
 
+@pytest.mark.slow
 def test_people_are_distinguished_from_objects():
     """Measured on new images of people and objects, at the probability above which the tracker accepts a
     person.

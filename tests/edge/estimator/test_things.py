@@ -138,6 +138,7 @@ def lessons(studio):
     return [training_sample(studio, dice, 0.5) for _ in range(150)]
 
 
+@pytest.mark.slow
 def test_clutter_lessons_have_no_person_labels(lessons):
     about = [lesson for lesson in lessons if np.isnan(lesson.facing)]
     assert about

@@ -78,6 +78,7 @@ def test_exact_bodies_give_exact_places_and_clocks():
     assert calibration.clock_offset_ns["b"] == pytest.approx(-3.25e9, abs=5e4)
 
 
+@pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(
     st.sampled_from([0, 1]), st.floats(-3.1, 3.1), st.floats(-3, 3), st.floats(-3, 3),
@@ -92,6 +93,7 @@ def test_moving_either_sensor_moves_the_answer_along(which, angle, x, z):
     assert np.allclose(after, expected, atol=2e-4)
 
 
+@pytest.mark.slow
 @settings(max_examples=4, deadline=None)
 @given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
 def test_without_gravity_any_motion_is_found(pitch, roll):
@@ -102,6 +104,7 @@ def test_without_gravity_any_motion_is_found(pitch, roll):
     assert np.allclose(calibration.world_from_sensor["b"], expected, atol=1e-3)
 
 
+@pytest.mark.slow
 @settings(max_examples=5, deadline=None)
 @given(st.floats(-200.0, 200.0))
 def test_the_clocks_difference_is_found(clock):
@@ -118,6 +121,7 @@ def test_noise_does_not_pull_the_clock_between_frames():
     assert errors(calibration, [A, B])[1, 0] < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
 def test_person_matching_is_independent_of_ids_and_order(order):
     people = [
@@ -130,6 +134,7 @@ def test_person_matching_is_independent_of_ids_and_order(order):
     assert errors(calibrate([a, b]), [A, B]).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_sensor_that_swaps_left_and_right_is_calibrated():
     """A sensor opposite the first one swaps left and right, always or sometimes."""
     opposite = stand(0.0, -5.0, 180.0)
@@ -176,6 +181,7 @@ def test_different_people_fail_calibration():
     assert not calibration.is_good and calibration.advice
 
 
+@pytest.mark.slow
 def test_chain_of_partly_overlapping_sensors_is_calibrated():
     """There are three sensors. The first and the last never see the person at the same time."""
     far = stand(4.5, -4.0, 130.0)
@@ -197,6 +203,7 @@ def test_chain_of_partly_overlapping_sensors_is_calibrated():
     assert [pair.is_good for pair in calibration.pairs] == [True, False, True]
 
 
+@pytest.mark.slow
 def test_a_loop_is_closed_with_less_error_than_its_worst_pair():
     places = [A, B, stand(-2.0, -2.0, -60.0)]
     calibration = calibrate(streams([Walker()], places, noise=0.03))

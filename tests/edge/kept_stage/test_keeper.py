@@ -93,6 +93,7 @@ ORDERS = st.one_of(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.lists(ORDERS, max_size=7))
 def test_state_after_a_restart_equals_the_state_before(tmp_path_factory, orders) -> None:
@@ -115,6 +116,7 @@ def test_state_after_a_restart_equals_the_state_before(tmp_path_factory, orders)
     parts.keeper.close()
 
 
+@pytest.mark.slow
 def test_scanned_character_comes_back(tmp_path) -> None:
     parts = start(tmp_path)
     parts.stage.place_actor(create_mesh_actor(MESHES[0.06], "scan", 16, SETTINGS.actor, fit=False))
@@ -137,6 +139,7 @@ def put_guest(folder: Path) -> str:
     return data
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
@@ -163,6 +166,7 @@ def test_state_that_cannot_be_used_is_set_aside(tmp_path, caplog, text, reason) 
     assert json.loads((tmp_path / "stage.json").read_text())["version"] == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("harm", ["missing", "changed", "cut"])
 def test_damaged_character_is_left_out_and_the_others_come_back(tmp_path, caplog, harm) -> None:
     data = tmp_path / put_guest(tmp_path)
@@ -191,6 +195,7 @@ def test_folder_that_cannot_be_written_only_warns(tmp_path, caplog) -> None:
     assert "the stage could not be saved" in caplog.text
 
 
+@pytest.mark.slow
 def test_deleted_characters_leave_no_data(tmp_path) -> None:
     put_guest(tmp_path)
     (tmp_path / "note.txt").write_text("of the user")

@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+import pytest
 
 from enliven.person.joints import Joint
 from enliven_edge.landmarks.colour_pose import ColourPoseEstimator
@@ -51,6 +52,7 @@ def errors(landmarks_of, *, with_colour: bool, eye: bool) -> tuple[np.ndarray, n
     return np.array(away), np.array(sure), truth_source.asked
 
 
+@pytest.mark.slow
 def test_colour_improves_joints_that_depth_hardly_shows(landmarks_of):
     plain, unsure, _ = errors(landmarks_of, with_colour=True, eye=False)
     helped, surer, asked = errors(landmarks_of, with_colour=True, eye=True)

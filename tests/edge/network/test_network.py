@@ -143,6 +143,7 @@ def test_viewer_with_few_requests_is_served_first(stage: Stage, peers) -> None:
     assert stage.done.index(requests.Release("lamp")) - before <= 6
 
 
+@pytest.mark.slow
 def test_endless_new_viewers_do_not_delay_a_known_viewer(stage: Stage, peers) -> None:
     """Each new viewer sends forty requests and leaves, so it has used no budget when it sends."""
     good = peers(stage.outlet.publisher)

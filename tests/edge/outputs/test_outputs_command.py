@@ -53,6 +53,7 @@ class Bodies(Sensor):
         pass
 
 
+@pytest.mark.slow
 def test_an_edge_sends_a_recording_to_several_programs(tmp_path):
     (tmp_path / "edge.toml").write_text('[outputs.lights]\nto = "osc:127.0.0.1:{port}"\nmap = "map.toml"\n')
     (tmp_path / "map.toml").write_text('others = false\n[addresses]\n"/enliven/event/*" = "/cue/*"\n')
@@ -68,6 +69,7 @@ def test_an_edge_sends_a_recording_to_several_programs(tmp_path):
         assert osc.values["/cue/possess", "chair"] == (1,) and "/enliven/time" not in osc.values
 
 
+@pytest.mark.slow
 def test_replay_sends_outputs(monkeypatch):
     original = Edge.step
     with OscReceiver() as receiver:

@@ -164,6 +164,7 @@ def test_chaos_stays_finite(seed):
         assert np.linalg.norm(world.velocities[:, :3], axis=1).max() <= MAX_PROP_SPEED_M_S * (1 + 1e-9)
 
 
+@pytest.mark.slow
 def test_five_minutes_of_rampage_stay_in_the_room():
     """Limbs swing through a pile repeatedly, and sometimes jump."""
     world, rng = tower(4), np.random.default_rng(2)

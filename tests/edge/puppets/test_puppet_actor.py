@@ -386,6 +386,7 @@ def test_rehearsal_leaves_the_puppet_unchanged() -> None:
 ODD = st.sampled_from([np.nan, np.inf, -np.inf, 1e9, -1e9, 0.0, 5.0])
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(
     st.lists(st.tuples(st.integers(0, 19), st.integers(0, 2), ODD, st.booleans()), min_size=1, max_size=20)

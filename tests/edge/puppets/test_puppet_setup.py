@@ -93,6 +93,7 @@ def test_a_project_without_a_puppet_and_a_file_that_is_none(tmp_path: Path) -> N
         create_puppet_actor(str(tmp_path / "odd.toml"))
 
 
+@pytest.mark.slow
 def test_mesh_too_large_for_viewers_is_reported_at_once(tmp_path: Path) -> None:
     count = 2_000_100
     vertices = np.zeros((count, 3))

@@ -127,6 +127,7 @@ def read_back(path) -> list[int]:
         return [time_ns for time_ns, _ in Recording(path).messages("bodies")]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs limits of POSIX")
 @pytest.mark.parametrize("limit", [20_000, 300_000])
 def test_a_file_that_may_not_grow_ends_the_take_not_the_show(tmp_path, limit):
@@ -139,6 +140,7 @@ def test_a_file_that_may_not_grow_ends_the_take_not_the_show(tmp_path, limit):
     assert len(times) > 4 and size > 0.4 * limit, "chunks are small at first"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs tmpfs")
 def test_a_full_disk_ends_the_take_not_the_show(tmp_path):
     disk = tmp_path / "disk"

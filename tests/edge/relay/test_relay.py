@@ -159,6 +159,7 @@ def test_added_changed_and_removed_characters_follow(
     assert [type(reply.body) for reply in replies] == [Refused, CharacterMessage]
 
 
+@pytest.mark.slow
 def test_every_order_is_refused_with_a_clear_sentence(edge: Publisher, relay: Relay) -> None:
     until(lambda: relay.status is not None, edge, relay)
     orders = []

@@ -61,6 +61,7 @@ def scanned(images):
     return person_scanner, [person_scanner.add(image).state for image in images]
 
 
+@pytest.mark.slow
 def test_turning_person_is_tracked_and_upright_on_the_floor(scanned, scene):
     person_scanner, states = scanned
     assert states.count(ScanState.SCANNING) >= IMAGES - 4
@@ -79,6 +80,7 @@ def test_turning_person_is_tracked_and_upright_on_the_floor(scanned, scene):
     assert person_scanner.advice(IMAGES) == []
 
 
+@pytest.mark.slow
 def test_still_person_with_hidden_feet_reaches_the_floor(half):
     seen = half.extract_surface().vertices[:, 1].min()
     mesh = half.finish_person().mesh
@@ -144,6 +146,7 @@ def test_unseen_joints_are_completed_from_a_standing_person(scanned):
     assert replace(person, joints=hidden).bones.shape == (0, 3), "it is not known where its bones are"
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_project_that_knows_its_ends(images, tmp_path):
     recording = write(images[:10], tmp_path / "me.mcap")
     output = run("--recording", recording, "-o", tmp_path / "me.enliven", "--person", "--voxel", 16)
@@ -165,6 +168,7 @@ def test_recording_without_a_person_is_refused(scene, tmp_path):
         run("--recording", empty, "-o", tmp_path / "no.glb", "--person", "--within", 1.5)
 
 
+@pytest.mark.slow
 def test_leaving_the_view_and_moving_an_arm_are_reported(scene):
     person_scanner = scanner()
     for n in range(8):

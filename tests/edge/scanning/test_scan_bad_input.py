@@ -82,6 +82,7 @@ def test_mirror_hole_stays_a_hole(tmp_path):
         run("--recording", nothing, "-o", tmp_path / "no.glb")
 
 
+@pytest.mark.slow
 def test_missing_object_is_reported_and_sensor_recording_is_kept(tmp_path):
     # The surfaces for camera tracking are beyond the kept depth range.
     empty = recorded(tmp_path / "empty.mcap", NOTHING, last=60)
@@ -108,6 +109,7 @@ def test_missing_object_is_reported_and_sensor_recording_is_kept(tmp_path):
     assert len(load_mesh(target).mesh.faces) > 1000
 
 
+@pytest.mark.slow
 def test_centred_object_is_taken_and_the_other_can_be_selected(tmp_path):
     low = Box((-0.85, 0.0, -0.2), (-0.5, 0.3, 0.2))
     both = recorded(tmp_path / "both.mcap", last=60, room=(*STUDIO, low))
@@ -127,6 +129,7 @@ def test_recording_without_colours_gives_a_plain_mesh_and_a_note(carried, tmp_pa
     assert load_mesh(tmp_path / "plain.glb").mesh.colours is None
 
 
+@pytest.mark.slow
 def test_a_full_memory_ends_the_scan_and_all_until_then_is_kept(carried, tmp_path):
     target = tmp_path / "part.glb"
     output = run("--recording", carried, "-o", target, "--voxel", 4, "--memory", 30, "--whole")
@@ -164,6 +167,7 @@ def full_disk(monkeypatch, folder, of_all=False):
     monkeypatch.setattr(os, "fsync", no_room)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="it asks /proc which file is written")
 @pytest.mark.parametrize("ending", ["glb", "enliven"])
 def test_full_disk_keeps_the_scan_and_the_old_file(carried, tmp_path, monkeypatch, ending):

@@ -27,6 +27,7 @@ def carried(tmp_path_factory):
     return recorded(tmp_path_factory.mktemp("scan") / "carried.mcap", step=2, width=320, colour=True)
 
 
+@pytest.mark.slow
 def test_a_box_becomes_a_mesh_on_the_floor_with_a_sheet(carried, tmp_path):
     target, sheet = tmp_path / "box.glb", tmp_path / "box.png"
     output = run("--recording", carried, "-o", target, "--sheet", sheet, "--voxel", 8)
@@ -41,6 +42,7 @@ def test_a_box_becomes_a_mesh_on_the_floor_with_a_sheet(carried, tmp_path):
     assert picture.shape == (720, 1080, 3) and (picture != picture[0, 0]).any(-1).mean() > 0.05
 
 
+@pytest.mark.slow
 def test_budget_is_kept_and_reported_and_a_project_opens(carried, tmp_path):
     target = tmp_path / "box.enliven"
     words = ["--recording", carried, "-o", target, "--voxel", 12, "--seconds", 2]

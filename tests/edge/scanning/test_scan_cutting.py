@@ -39,6 +39,7 @@ def bounds(path):
     return load_mesh(path).mesh.bounds
 
 
+@pytest.mark.slow
 def test_box_option_equals_the_whole_scan_inside_it(folder, tmp_path):
     whole_path = tmp_path / "whole.ply"
     run("--recording", folder / "with.mcap", "-o", whole_path, "--voxel", 16, "--whole", "--triangles", 0)

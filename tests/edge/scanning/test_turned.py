@@ -56,6 +56,7 @@ def frames():
     return take.pose(0), [take.frame(index, thing) for index, thing in enumerate(turned)]
 
 
+@pytest.mark.slow
 def test_object_turning_before_a_wall_is_scanned_from_all_sides(frames):
     pose, images = frames
     volume = VolumeSettings(voxel=0.008, reach=2.2, far=2.2)

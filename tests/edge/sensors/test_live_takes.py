@@ -237,6 +237,7 @@ def test_images_that_wait_stay_when_larger_ones_need_other_memory(tmp_path):
     assert [frame.depth.shape for frame in frames] == [(48, 64)] * 10 + [(72, 96)] * 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("driver", LIBRARIES)
 def test_a_driver_on_its_real_library_is_recorded_and_replayed_frame_for_frame(driver, tmp_path):
     """A recording with gaps is used as the device. Frames, numbers and conditions are the same.

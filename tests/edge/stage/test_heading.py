@@ -72,6 +72,7 @@ def test_carried_hips_differ_from_the_performers_by_a_constant(seed, noise_m, fr
     assert abs(np.degrees(wrapped(there - hip_heading(film[-1].joints)))) < MAX_DEVIATION_DEG
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["mapped", "inside"])
 @given(SEEDS, NOISE_M, st.integers(0, 120))
 @settings(max_examples=6, deadline=None)
@@ -82,6 +83,7 @@ def test_hips_of_the_mesh_keep_their_performers_heading(woman, how, seed, noise_
     assert deviations_deg(gaps).max() < MAX_DEVIATION_DEG
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["sitting", "robot", "teddy", "holed scan"])
 def test_other_bodies_keep_their_performers_heading(name):
     actor = create_mesh_actor(BODIES[name]().mesh, "it", 128, ActorSettings(how="mapped"))

@@ -233,6 +233,7 @@ def test_possession_requests_round_trip_without_names():
     assert Possess().character is None and Release("x").body is None
 
 
+@pytest.mark.slow
 def test_all_are_published_and_recorded_and_each_is_read_by_its_own_character(graph, tmp_path):
     """A character that is added, replaced or removed between frames is recorded with its own revision."""
 

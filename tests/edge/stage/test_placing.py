@@ -172,6 +172,7 @@ def test_rigid_motion_is_transferred_to_the_mesh_next_to_it(chair, way, yaw, how
         np.testing.assert_allclose(shift[[0, 2]], expected[[0, 2]], atol=0.05)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=20, deadline=None)
 def test_mapped_bones_keep_their_lengths_and_begin_at_rest(animal, seed):

@@ -145,6 +145,7 @@ EVENTS = st.lists(
 )
 
 
+@pytest.mark.slow
 @given(EVENTS, st.floats(-0.5, 0.5))
 @settings(max_examples=12, deadline=None)
 def test_mesh_never_jumps_in_any_order_of_events(chair, events, apart):
@@ -175,6 +176,7 @@ def test_mesh_never_jumps_in_any_order_of_events(chair, events, apart):
     assert steps(poses).max() < np.pi / 2 * 1.5 / FADE * FRAME * 1e-9 * leap + 0.04
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.floats(-3, 3), st.floats(0.2, 3.0), st.sampled_from([0.5, 4.0, np.inf]))
 @settings(max_examples=40, deadline=None)
 def test_easing_keeps_its_documented_speed_bound(seed, yaw, growth, pace):

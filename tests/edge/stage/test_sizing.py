@@ -60,6 +60,7 @@ class Play:
         return pose
 
 
+@pytest.mark.slow
 @few
 @given(st.floats(0.1, 3.0), st.floats(0.1, 3.0))
 def test_hands_multiply_the_size_within_play_and_bounds_and_it_stays(first, last):

@@ -74,6 +74,7 @@ def test_a_lifted_knee_lifts_the_chairs_leg(chair):
     assert np.linalg.norm(moved[right_back_foot], axis=1).mean() < 0.1
 
 
+@pytest.mark.slow
 @given(st.floats(-1, 1), st.floats(-1.5, 1.5), st.floats(-0.6, 0.6))
 @settings(max_examples=8, deadline=None)
 def test_walking_and_turning_as_a_whole_moves_the_mesh_rigidly(chair, dx, dz, yaw):

@@ -71,6 +71,7 @@ def assert_same_bits(one: list[Pose], other: list[Pose]) -> None:
         assert before.positions.tobytes() == after.positions.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "own",
     [ActorSettings(), ActorSettings(how="mapped"), ActorSettings(how="beside", place="fixed")],
@@ -95,6 +96,7 @@ def test_stored_mesh_moves_like_a_fresh_one(
         assert_same_bits(moved, play(without_store, seed))
 
 
+@pytest.mark.slow
 def test_other_settings_and_other_meshes_are_prepared(folder: Path, tmp_path: Path, monkeypatch) -> None:
     path = tmp_path / "lamp.obj"
     save_mesh(load_sample("lamp"), path)

@@ -152,6 +152,7 @@ def test_terminal_query_times_out_without_an_answer():
         os.close(near)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="there are no terminals of this kind here")
 def test_the_command_draws_the_depth_at_a_terminal():
     words = ["sensors", "replay", "--set", f"path={find_shipped_recording()}", "--seconds", "0.1"]

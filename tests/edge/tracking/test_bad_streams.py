@@ -83,6 +83,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FAULTS)
 def test_fault_is_reported_and_tracking_resumes(frames, kind):
     reported, errors, _ = run(faulty(frames, FAULTS[kind]))
@@ -113,6 +114,7 @@ def test_stopped_clock_is_reported_and_no_frame_is_tracked_twice(frames):
     assert np.mean(errors[-20:]) < 0.07
 
 
+@pytest.mark.slow
 def test_frames_out_of_order_do_not_change_the_bodies(frames):
     """Late frames are dropped, so the bodies equal those of the stream without them."""
 
@@ -145,6 +147,7 @@ def test_a_stream_with_every_fault_at_once_raises_nothing(frames):
     assert np.mean(errors[-20:]) < 0.07
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("tilt", "height"), [(30, 2.2), (20, 1.6), (10, 1.15)])
 def test_moved_sensor_is_reported_and_finds_pose_and_person(frames, tilt, height):
     """The sensor's position changes from one frame to the next. The background changes, the person does
@@ -168,6 +171,7 @@ def test_moved_sensor_is_reported_and_finds_pose_and_person(frames, tilt, height
     assert np.mean(errors[-20:]) < 0.09
 
 
+@pytest.mark.slow
 def test_changed_sensor_mode_relearns_background_and_finds_person(frames):
     """A single frame of another size is dropped. A lasting change of size counts as another camera."""
     with SyntheticSensor(choreography="walk", width=128, realtime=False) as sensor:

@@ -52,6 +52,7 @@ def differs(background: np.ndarray, depth: np.ndarray, pixels: np.ndarray) -> fl
     return float(np.median(np.abs(background - depth)[pixels]))
 
 
+@pytest.mark.slow
 def test_moved_chair_is_background_at_its_new_place():
     """Four seconds are enough, in which the tracker rules out that the chair is a person, as after a start.
 
@@ -72,6 +73,7 @@ def test_moved_chair_is_background_at_its_new_place():
     assert differs(tracker.background, room, left) < 0.05
 
 
+@pytest.mark.slow
 def test_performer_keeps_the_number_and_is_not_learnt():
     tracker = Tracker()
     with SyntheticSensor(choreography="wave", width=320, realtime=False) as sensor:
@@ -85,6 +87,7 @@ def test_performer_keeps_the_number_and_is_not_learnt():
     assert np.linalg.norm(body.joints - truth.joints, axis=1).mean() < 0.08
 
 
+@pytest.mark.slow
 def test_another_floor_is_found_again_only_on_request():
     """Before the request, the known pose stays, although the camera is 0.4 m higher."""
     low, high, mounting = Camera(0.9), Camera(1.3), Mounting(SceneSettings())

@@ -46,6 +46,7 @@ def test_crossing_people_keep_their_identities(stagecraft):
     assert most(log) == 2
 
 
+@pytest.mark.slow
 def test_occluded_person_turning_back_keeps_identity(stagecraft):
     """Both have the same height, so only their positions distinguish them."""
     s = stagecraft
@@ -91,6 +92,7 @@ def test_two_who_come_in_joined_at_the_hand_are_two(stagecraft):
     assert seen(log[JOINED:], 0) == seen(log[JOINED:], 1) == 1.0
 
 
+@pytest.mark.slow
 def test_returning_person_is_reidentified(stagecraft):
     """They return in the opposite order."""
     s = stagecraft
@@ -106,6 +108,7 @@ def test_returning_person_is_reidentified(stagecraft):
     assert seen(log[-8:], 0) == seen(log[-8:], 1) == 1.0
 
 
+@pytest.mark.slow
 def test_person_returning_too_late_gets_a_new_identity(stagecraft):
     s = stagecraft
     there = s.during(s.still(0.0, -2.5), (0.0, 1.0), (2.5, 9.0))
@@ -125,6 +128,7 @@ def test_person_occluded_from_the_start_is_found_on_appearing(stagecraft):
     assert seen(log[-6:], 1) == 1.0
 
 
+@pytest.mark.slow
 def test_six_people_are_followed(stagecraft):
     s = stagecraft
     players = [
@@ -182,6 +186,7 @@ def test_moving_furniture_is_not_a_person(stagecraft, thing):
     assert most(log) == 0
 
 
+@pytest.mark.slow
 def test_chair_next_to_a_person_is_absorbed_and_the_person_is_not(stagecraft):
     """Five frames per second save time. A person who stands still for over a minute is not absorbed."""
     s = stagecraft
@@ -207,6 +212,7 @@ def test_chair_next_to_a_person_is_absorbed_and_the_person_is_not(stagecraft):
 # --- the sensor is moved ---
 
 
+@pytest.mark.slow
 def test_a_sensor_that_is_knocked_over_finds_the_floor_and_everybody_again(stagecraft):
     from enliven.camera import world_from_level_camera
 

@@ -99,6 +99,7 @@ def test_a_body_earns_its_confidence():
     assert bodies[0].confidence.max() > 0.9
 
 
+@pytest.mark.slow
 def test_a_floor_that_appears_under_a_followed_person_is_found_within_a_second():
     """Until then, the pose is that of the settings, and legs have low confidence."""
     recording = recorded("idle", 70)

@@ -51,6 +51,7 @@ def random_mesh(seed):
     return Mesh(np.concatenate(vertices) * size, np.concatenate(faces).astype(np.int32), "random")
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 60))
 def test_any_mesh_gets_a_connected_graph_and_whole_weights(seed, nodes):
@@ -77,6 +78,7 @@ def test_any_mesh_gets_a_connected_graph_and_whole_weights(seed, nodes):
     assert (np.diff(skin.weights, axis=1) <= 1e-6).all()
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=15)
 @given(st.integers(0, 2**32 - 1))
 def test_the_same_mesh_and_one_that_is_a_power_of_two_larger_give_the_same_graph(seed):

@@ -64,6 +64,7 @@ def twin(vertices, faces):
     return sorted(crossing)
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10**6))
 def test_random_faces_are_the_slow_twins(seed):
@@ -73,6 +74,7 @@ def test_random_faces_are_the_slow_twins(seed):
     assert crossing_faces(vertices, faces).tolist() == twin(vertices, faces)
 
 
+@pytest.mark.slow
 def test_two_balls_cross_in_a_ring_and_not_inside():
     mesh = together(ball(), ball(centre=(0.7, 0.03, 0.05)))
     crossing = crossing_faces(mesh.vertices, mesh.faces)

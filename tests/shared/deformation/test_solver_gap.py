@@ -5,6 +5,7 @@ result.
 from concurrent.futures import Future
 
 import numpy as np
+import pytest
 from creatures import random_problem
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -35,6 +36,7 @@ def gap_of(peer, solver, targets):
     return 0.0 if turned else (solver.energy_terms["total"] - least - INVISIBLE) / least
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=12)
 @given(st.integers(0, 2**32 - 1), st.integers(12, 48), st.floats(0.3, 2.0))
 # A limb buckles in frame 15. The steps cannot predict this, and the minimum is 6 % lower.

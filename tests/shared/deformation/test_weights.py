@@ -136,6 +136,7 @@ def jumps(mesh, skin, nodes):
     return np.abs(weights[a] - weights[b]).sum(1), np.linalg.norm(mesh.vertices[a] - mesh.vertices[b], axis=1)
 
 
+@pytest.mark.slow
 def test_weights_are_continuous():
     """Differences shrink with shorter edges. At a discontinuity, the maximum difference would stay the
     same.
@@ -179,6 +180,7 @@ def test_few_nodes_carry_all_vertices(coarse):
         assert set(np.unique(graph.skin(coarse).indices)) == set(range(nodes))
 
 
+@pytest.mark.slow
 def test_the_chair_does_not_tear_where_no_node_is_near_another():
     """Neighbouring vertices of the chair follow nearly the same nodes."""
     chair = make_chair()

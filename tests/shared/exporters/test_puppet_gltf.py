@@ -59,6 +59,7 @@ def test_a_file_plays_as_the_surface_is_solved_within_the_stated_error(bean, tmp
     assert np.linalg.norm(expected[0] - expected[-1], axis=1).max() > 50 * performance.error.rms
 
 
+@pytest.mark.slow
 def test_redundant_keys_are_left_out(bean):
     few = sample_performance(bean, "bean", rate=60.0, settings=BakeSettings(keys=0.002))
     all_of_them = sample_performance(bean, "bean", rate=60.0, settings=BakeSettings(keys=0.0))

@@ -44,6 +44,7 @@ def posed(skeleton, turns):
     return at
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(seed=st.integers(0, 10_000), held=st.integers(1, 40), at_end=st.booleans())
 def test_added_pose_is_left_out_at_any_length(seed, held, at_end):
@@ -53,6 +54,7 @@ def test_added_pose_is_left_out_at_any_length(seed, held, at_end):
     assert count_added_frames(both, STEP) == ((0, held) if at_end else (held, 0))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(seed=st.integers(0, 10_000), coarse=st.integers(1, 4))
 def test_real_motion_is_kept_completely(seed, coarse):

@@ -21,6 +21,7 @@ def table(root: Rotation, others: np.ndarray, place: np.ndarray) -> np.ndarray:
     return np.concatenate([place, -root.as_rotvec(), -others.ravel()])
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(st.floats(-179, 179), st.floats(-80, 80), st.floats(-80, 80), st.integers(0, 1000))
 def test_the_roots_angles_come_back(tmp_path_factory, z: float, y: float, x: float, seed: int) -> None:

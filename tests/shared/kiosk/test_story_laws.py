@@ -1,5 +1,6 @@
 """Tests of the story's invariants for any sequence of visitors, button presses and edge faults."""
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kiosk_world import STEP_S, Person, Room
@@ -70,6 +71,7 @@ def run(room, presses, outages):
         yield room.step(*due)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(shows())
 def test_no_character_and_no_visitor_is_given_twice(show):
@@ -84,6 +86,7 @@ def test_no_character_and_no_visitor_is_given_twice(show):
         assert set(asked) <= set(CHARACTERS)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(shows())
 def test_farewell_ends_and_ring_stays_in_range(show):
@@ -99,6 +102,7 @@ def test_farewell_ends_and_ring_stays_in_range(show):
                 since.pop(index, None)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(shows())
 def test_empty_room_returns_to_attract_and_frees_the_characters(show):
@@ -114,6 +118,7 @@ def test_empty_room_returns_to_attract_and_frees_the_characters(show):
     assert not any(room.edge.holders.values())
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(shows(), st.booleans())
 def test_person_on_a_spot_is_served(show, alone):
@@ -137,6 +142,7 @@ def test_person_on_a_spot_is_served(show, alone):
     raise AssertionError(f"not served: {room.views[-1]}")
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(shows())
 def test_story_is_deterministic(show):

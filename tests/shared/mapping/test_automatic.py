@@ -64,6 +64,7 @@ def test_on_oneself_it_is_the_identity(seed):
             np.testing.assert_allclose(joints_now[driven], expected[driven], atol=1e-6)
 
 
+@pytest.mark.slow
 @settings(max_examples=4, deadline=None)
 @given(SEEDS, st.floats(-3, 3))
 def test_the_heading_of_the_performer_does_not_matter(seed, angle):

@@ -63,6 +63,7 @@ def solid_angles(point, corners):
     return 2.0 * np.arctan2(np.linalg.det(corners - point), wide).sum() / (4.0 * np.pi)
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(st.integers(0, 10_000))
 def test_what_is_inside_is_what_solid_angles_say(seed):

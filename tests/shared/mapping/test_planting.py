@@ -177,6 +177,7 @@ def with_toe_tips(skeleton, name):
     return Skeleton(tuple(f"{name} {j}" for j in range(len(at))), np.array(parents), np.array(at))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=8, phases=[Phase.explicit, Phase.generate])
 @given(seed=st.integers(0, 1000), tremor=st.floats(2.0, 8.0))
 def test_toes_that_tremble_are_calm_in_a_planted_body_and_bend_if_the_performers_do(seed, tremor):

@@ -99,6 +99,7 @@ def test_suggested_mapping_is_better_or_missing():
     )
 
 
+@pytest.mark.slow
 def test_the_next_best_mapping_is_judged_by_floor_and_slide_and_not_by_stretch_alone():
     """The feet of a horse leave the floor. Less movement would stretch the surface least, but worsen the
     result.

@@ -93,6 +93,7 @@ def test_a_speed_of_one_key_is_the_number(rig, speed, at, time):
         assert (clip.begin, clip.end, clip.speed) == pytest.approx((wanted.begin, wanted.end, wanted.speed))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(speeds, st.lists(st.floats(-2, 4), min_size=2, max_size=5), st.floats(-1, 1))
 def test_time_rises_as_the_sum_of_its_speeds_and_is_found_again(keys, moments, offset):

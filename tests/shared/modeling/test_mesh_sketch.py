@@ -115,6 +115,7 @@ def test_a_disc_becomes_a_ball_and_a_strip_a_round_rod():
     assert high[2] - low[2] == pytest.approx(0.02, rel=0.2)
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(
     radii=st.lists(st.floats(0.35, 1.0), min_size=5, max_size=24),

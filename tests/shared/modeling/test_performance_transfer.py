@@ -105,6 +105,7 @@ def test_transferred_performance_keeps_timing():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("world", [skeleton_world, puppet_world], ids=["rigged", "puppet"])
 def test_of_any_other_character_a_copy_performs_and_the_character_stays(world):
     source, other = world()

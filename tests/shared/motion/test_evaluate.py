@@ -104,6 +104,7 @@ def any_project(rng):
     return Project().with_takes(*clips).with_characters(shape), shape
 
 
+@pytest.mark.slow
 @laws
 @given(seeds)
 def test_the_kernels_are_the_definition(seed):

@@ -104,6 +104,7 @@ def test_turns_within_the_range_are_returned_unchanged(seed):
     np.testing.assert_array_equal(limit_turns(fit_joint_range(bone), small), small)
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(SEEDS)
 def test_every_turn_ends_within_the_range_and_its_margin(seed):

@@ -76,6 +76,7 @@ def test_rotations_of_transforms_are_the_nearest_ones(seed, kind):
     assert np.all(rows[:, 3] >= 0.0)
 
 
+@pytest.mark.slow
 @given(SEEDS)
 def test_everything_on_the_stage_has_the_row_of_its_twin(seed):
     frame = random_frame(seed)
@@ -93,6 +94,7 @@ def same_placement(numbers, expected, precision: float) -> bool:
     return bool(np.allclose([*numbers[:3], *turn], [*expected[:3], *nearer], atol=precision))
 
 
+@pytest.mark.slow
 @given(SEEDS, st.sampled_from(["", "anna", "ben", "performer-3"]))
 def test_vmc_sends_the_numbers_of_its_twin(seed, source):
     frame = random_frame(seed)
@@ -105,6 +107,7 @@ def test_vmc_sends_the_numbers_of_its_twin(seed, source):
     assert values["/VMC/Ext/OK"] == [there, 3 * there, 0, there]
 
 
+@pytest.mark.slow
 @given(SEEDS)
 def test_one_vmc_output_sends_changing_stages(seed):
     output = VmcOutput()
@@ -115,6 +118,7 @@ def test_one_vmc_output_sends_changing_stages(seed):
         assert names == set(expected["trackers"])
 
 
+@pytest.mark.slow
 @given(SEEDS)
 def test_vrchat_sends_the_numbers_of_its_twin(seed):
     frame = random_frame(seed)
@@ -130,6 +134,7 @@ def test_vrchat_sends_the_numbers_of_its_twin(seed):
             assert np.allclose((np.array(angles) - expected + 180.0) % 360.0, 180.0, atol=0.01)
 
 
+@pytest.mark.slow
 @given(SEEDS)
 def test_osc_sends_the_numbers_of_its_twin(seed):
     frame = random_frame(seed)
@@ -187,6 +192,7 @@ def parts(value, path=""):
         yield path, value
 
 
+@pytest.mark.slow
 @given(SEEDS)
 def test_rokoko_sends_the_numbers_of_its_twin(seed):
     output = RokokoOutput()
@@ -236,6 +242,7 @@ def test_a_template_needs_a_number_of_decimals_for_each_number():
         JsonTemplate([MARK, MARK], np.array([1, 2, 3]))
 
 
+@pytest.mark.slow
 @given(SEEDS, st.sampled_from([np.nan, np.inf, -np.inf, 1e300]))
 def test_no_output_sends_numbers_that_are_not_finite(seed, bad):
     frame = random_frame(seed)

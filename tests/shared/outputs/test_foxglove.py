@@ -286,6 +286,7 @@ def test_a_port_in_use_is_refused_and_leaves_nothing_running(server, port):
     assert threading.active_count() == before
 
 
+@pytest.mark.slow
 def test_the_port_is_free_again_after_the_end(port):
     for _ in range(2):
         with open_outputs(collect_output_settings([f"foxglove:localhost:{port}"], {})) as outputs:

@@ -30,6 +30,7 @@ TIMES = st.builds(
 """Times whose two numbers the SDK encodes in five bytes each, as the templates always do."""
 
 
+@pytest.mark.slow
 @given(SEEDS, TIMES)
 def test_transforms_have_the_bytes_of_the_sdk(seed, time_ns):
     frame = random_frame(seed)
@@ -40,6 +41,7 @@ def test_transforms_have_the_bytes_of_the_sdk(seed, time_ns):
     assert TransformsEncoder().encode(frame, time_ns) == expected
 
 
+@pytest.mark.slow
 @given(SEEDS, TIMES)
 def test_the_drawing_has_the_bytes_of_the_sdk(seed, time_ns):
     frame = random_frame(seed)
@@ -49,6 +51,7 @@ def test_the_drawing_has_the_bytes_of_the_sdk(seed, time_ns):
     assert SceneEncoder().encode(frame, time_ns) == expected
 
 
+@pytest.mark.slow
 @given(SEEDS, st.integers(0, 4 * 10**18))
 def test_any_time_and_zeros_are_read_by_protobuf(seed, time_ns):
     pytest.importorskip("google.protobuf", reason="protobuf is not installed")
@@ -74,6 +77,7 @@ def test_any_time_and_zeros_are_read_by_protobuf(seed, time_ns):
         assert read[0] == read[1]
 
 
+@pytest.mark.slow
 @given(SEEDS)
 def test_one_encoder_serves_changing_stages(seed):
     encoder, plots = TransformsEncoder(), StageEncoder()
@@ -83,6 +87,7 @@ def test_one_encoder_serves_changing_stages(seed):
         assert plots.encode(frame) == StageEncoder().encode(frame)
 
 
+@pytest.mark.slow
 @given(SEEDS)
 def test_numbers_for_plots_are_those_of_the_bodies(seed):
     frame = random_frame(seed)
@@ -100,6 +105,7 @@ def test_numbers_for_plots_are_those_of_the_bodies(seed):
             assert row["confidence"] == pytest.approx(body.confidence[joint], abs=1e-6)
 
 
+@pytest.mark.slow
 @given(SEEDS, st.sampled_from([np.nan, np.inf, -np.inf]))
 def test_numbers_that_are_not_finite_become_zero(seed, bad):
     frame = random_frame(seed)

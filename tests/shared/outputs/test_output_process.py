@@ -47,6 +47,7 @@ def seconds_of(receiver: OscReceiver) -> float | None:
     return receiver.values.get("/enliven/time", (None,))[0]
 
 
+@pytest.mark.slow
 @posix_only
 def test_killed_process_is_restarted_and_sends_again(caplog):
     with (
@@ -265,6 +266,7 @@ def test_characters_join_change_and_leave_while_the_process_runs():
         settles(with_characters(anna=without_bones, chair=chair), True, 0)
 
 
+@pytest.mark.slow
 def test_a_port_taken_after_the_check_is_named_and_tried_again(caplog):
     pytest.importorskip("foxglove", reason="foxglove-sdk is not installed (the extra foxglove)")
     port = free_port()

@@ -4,6 +4,7 @@ import contextlib
 import socket
 import threading
 
+import pytest
 from live_receivers import OscReceiver
 from live_scenes import four_characters
 from patience import wait_until
@@ -138,6 +139,7 @@ def test_a_fault_of_an_output_is_counted_and_stops_neither_its_next_frame_nor_ot
         wait_until(lambda: faulty.times == [1] and after.times == [0, 1], "the next frame")
 
 
+@pytest.mark.slow
 def test_an_absent_receiver_costs_the_others_nothing():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))

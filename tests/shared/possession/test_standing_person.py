@@ -65,6 +65,7 @@ def moved(mesh: Mesh, quarter: int, x: float, z: float, scale: float = 1.0) -> M
     return Mesh(turned, mesh.faces, mesh.name, mesh.colours)
 
 
+@pytest.mark.slow
 @settings(max_examples=4, deadline=None)
 @given(st.integers(0, 3), st.floats(-3, 3), st.floats(-3, 3), st.floats(0.2, 5.0))
 def test_the_chair_is_brought_back_to_where_it_was_made(chair, quarter, x, z, scale) -> None:

@@ -130,6 +130,7 @@ def enliven(*arguments) -> subprocess.CompletedProcess:
     return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 
+@pytest.mark.slow
 def test_command_reports_losses_and_overwrites_nothing(tmp_path):
     path = write(tmp_path / "broken.mcap")
     data, refs = bytearray(path.read_bytes()), chunks(path)

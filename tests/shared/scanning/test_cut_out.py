@@ -54,6 +54,7 @@ def scene(noise=0.0, seed=0):
     return Mesh(vertices, faces, colours=colours)
 
 
+@pytest.mark.slow
 @settings(max_examples=8)
 @given(lean=st.tuples(*[st.floats(-0.35, 0.35)] * 2), turn=st.floats(-3, 3), high=st.floats(-1, 1))
 def test_object_is_upright_on_the_floor_for_any_scan_frame(lean, turn, high):

@@ -151,6 +151,7 @@ def images_of(vertices, faces, count=10, noise=0.0):
 BEFORE = images_of(*ROOM, noise=0.002)
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(
     at=st.tuples(*[st.floats(-0.35, 0.35)] * 2),

@@ -1,6 +1,7 @@
 """Tests of mesh decimation: within the budget, with the stated error, still closed, and with colours."""
 
 import numpy as np
+import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -27,6 +28,7 @@ def slow_distance(mesh, point):
     return np.linalg.norm(places - point, axis=2).min()
 
 
+@pytest.mark.slow
 @settings(max_examples=12)
 @given(faces=st.integers(60, 4000), wobble=st.floats(0.0, 0.15))
 def test_decimation_keeps_budget_and_reported_error(faces, wobble):
@@ -58,6 +60,7 @@ def test_flat_areas_need_few_faces():
     assert result.distance_99_percentile < 1e-5 and len(result.mesh.faces) <= 100
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(place=st.tuples(*[st.floats(-0.5, 0.5)] * 3))
 def test_the_distance_is_the_slow_one(place):

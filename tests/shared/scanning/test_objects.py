@@ -70,6 +70,7 @@ def seen_from(mesh, side, pose):
     return replace(points, points=points.points[faces], normals=points.normals[faces]).transform(pose)
 
 
+@pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(turn=units, move=units)
 def test_a_part_is_found_in_any_pose(turn, move):

@@ -154,6 +154,7 @@ def test_take_without_its_character_is_reported_once_and_ends(tmp_path, box, cap
     assert caplog.text.count("cannot be read") == 1
 
 
+@pytest.mark.slow
 def test_exported_recording_is_played(tmp_path: Path) -> None:
     path = tmp_path / "cactus.mcap"
     export(cactus_project(), path, end=1.0, rate=10.0)

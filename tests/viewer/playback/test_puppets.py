@@ -211,6 +211,7 @@ def test_viewer_without_puppets_loads_no_solver() -> None:
     assert shown.stdout.split() == []
 
 
+@pytest.mark.slow
 def test_a_window_starts_without_what_its_first_tool_needs() -> None:
     """SciPy loads these modules when they are first used. They were a sixth of the start time."""
     later = {"scipy.spatial", "scipy.optimize", "scipy.ndimage"}

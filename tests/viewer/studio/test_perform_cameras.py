@@ -33,6 +33,7 @@ def test_edge_lists_its_cameras_in_the_background() -> None:
     search.close()
 
 
+@pytest.mark.slow
 def test_preview_shows_the_cameras_image() -> None:
     search, made_up = CameraSearch(), Camera("A simulated person", "synthetic", {"width": "160"})
     search.take_test_image(made_up)

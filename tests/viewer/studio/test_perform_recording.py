@@ -47,6 +47,7 @@ def standing(who: int, tremble: float = 0.0, seed: int = 0) -> Body:
     return Body(who, shaken, np.ones(20))
 
 
+@pytest.mark.slow
 @given(st.integers(3, 30), st.integers(2, 60))
 def test_still_counts_from_where_the_last_performer_came_to_rest(moving: int, still: int) -> None:
     moves = [[standing(1), swaying(2, 4 * n)] for n in range(moving)]

@@ -121,6 +121,7 @@ def test_a_session_needs_a_puppet(workspace: Workspace) -> None:
     assert workspace.asking == "" and "No puppet is chosen" in said(workspace)
 
 
+@pytest.mark.slow
 def test_puppets_are_exported_as_glb_with_their_error(tmp_path) -> None:
     workspace, _ = studio(tmp_path / "recovery", *NAMES)
     workspace.store.new(acting())

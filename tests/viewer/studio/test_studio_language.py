@@ -98,6 +98,7 @@ def test_a_text_that_keeps_its_values_is_translated_where_it_is_drawn() -> None:
     assert tr(later("Undone: {0}"), "x") == "Rückgängig: x"
 
 
+@pytest.mark.slow
 def test_every_shown_text_is_translated(script) -> None:
     bypassing = [
         f"{path.relative_to(script.HOUSE)}:{node.lineno}: {node.value!r}"

@@ -333,6 +333,7 @@ def test_stroke_cuts_a_puppet_and_both_parts_keep_moving(tmp_path) -> None:
     assert list(workspace.editor.project.puppets) == ["star"]
 
 
+@pytest.mark.slow
 def test_a_puppet_dropped_with_shift_on_another_becomes_one_with_it(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head", "left", "right", "foot", take="sway")
     two_poses(workspace)
@@ -348,6 +349,7 @@ def test_a_puppet_dropped_with_shift_on_another_becomes_one_with_it(tmp_path) ->
     assert len(workspace.editor.project.puppets) == 2
 
 
+@pytest.mark.slow
 def test_puppet_is_baked_in_the_background(tmp_path, make_limb) -> None:
     workspace, stage = studio(tmp_path, take="sway")
     mesh = make_limb("post").mesh

@@ -54,6 +54,7 @@ def kept_chair(path: Path):
     return chair, project
 
 
+@pytest.mark.slow
 def test_the_tour_is_taken_by_hand_from_the_start_page_to_the_kept_file(tmp_path: Path) -> None:
     report = in_a_window(SESSION, str(tmp_path), "hand")
     assert report["done"], json.dumps(report)

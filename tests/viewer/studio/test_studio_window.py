@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 import typer
 from in_a_window import in_a_window
 from typer.testing import CliRunner
@@ -14,6 +15,7 @@ from enliven_viewer.commands.studio import studio
 SESSION = Path(__file__).parents[1] / "studio_session.py"
 
 
+@pytest.mark.slow
 def test_an_artist_works_in_the_window(tmp_path) -> None:
     report = in_a_window(SESSION, str(tmp_path))
     assert report["done"] and report["spread"] > 5, report

@@ -80,6 +80,7 @@ def test_fit_information_excludes_the_prediction(turned, built, steps):
     np.testing.assert_allclose(report.information, alone, rtol=1e-9, atol=1e-8)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 1000))
 @settings(max_examples=10, deadline=None)
 def test_uncertainty_is_that_of_the_inverse_matrix(seed):

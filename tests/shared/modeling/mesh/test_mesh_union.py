@@ -107,6 +107,7 @@ def needles(mesh, near):
     return int((2 * np.sqrt(3) * area / (sides**2).sum(1) < 0.1).sum())
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(way=st.tuples(*[st.floats(-1, 1)] * 3), far=st.floats(0.06, 0.14))
 def test_a_tidy_seam_has_better_triangles_and_the_same_shape(way, far):

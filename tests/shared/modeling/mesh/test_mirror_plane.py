@@ -37,6 +37,7 @@ def beast(lean=0.0):
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=5, deadline=None)
 @given(st.integers(0, 10**6), st.floats(0.001, 1000.0))
 def test_plane_is_found_in_any_orientation(seed, scale):

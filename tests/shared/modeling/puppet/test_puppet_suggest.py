@@ -26,6 +26,7 @@ def suggested(mesh, **how):
     return suggest_puppet(Project().with_takes(walker()), mesh, "walk", "it", **how)
 
 
+@pytest.mark.slow
 def test_the_studio_and_the_command_suggest_the_same():
     """The studio's panel suggests points and then pairs. The result equals the puppet that the command
     makes.

@@ -49,6 +49,7 @@ def whence(part, whole):
     return new, old[new]
 
 
+@pytest.mark.slow
 @laws
 @given(st.floats(0.3, 0.7), st.floats(0.0, 2.4), st.floats(-0.4, 0.4))
 def test_at_the_time_of_a_cut_nothing_moves(bean, height, time, lean):
@@ -66,6 +67,7 @@ def test_at_the_time_of_a_cut_nothing_moves(bean, height, time, lean):
     assert matched == len(mesh_before.vertices)
 
 
+@pytest.mark.slow
 @laws
 @given(st.floats(0.3, 0.7), st.floats(0.0, 2.4))
 def test_cut_half_keeps_its_shape_in_key_poses(bean, height, time):
@@ -173,6 +175,7 @@ def pair():
     return move_character(project, name, place - [0.06, 0.0, 0.0], side), name
 
 
+@pytest.mark.slow
 def test_at_the_time_of_a_merge_both_are_where_they_were(pair):
     project, other = pair
     notes = []
@@ -226,6 +229,7 @@ def test_a_graft_that_plays_nothing_is_carried(pair):
     assert np.abs(host[0] - host[1]).max() > 0.05 and np.abs(graft[0] - graft[1]).max() > 0.02
 
 
+@pytest.mark.slow
 def test_two_that_play_the_same_have_one_layer(pair):
     project, other = pair
     alike = project.puppet(other).with_changes(layers=(PuppetLayer("dance", travel=False),))
@@ -237,6 +241,7 @@ def test_two_that_play_the_same_have_one_layer(pair):
     assert any("another take" in note for note in notes)
 
 
+@pytest.mark.slow
 def test_a_cut_that_is_merged_again_is_whole():
     project = made_puppets.project()
     cut, (low, high) = cut_puppet(project, "bean", PlaneCut([0, 0.5, 0], [0, 1.0, 0.0]), 0.7)
@@ -247,6 +252,7 @@ def test_a_cut_that_is_merged_again_is_whole():
     assert len(whole.puppet(low).points) >= 4
 
 
+@pytest.mark.slow
 def test_impossible_merge_is_reported(pair):
     project, other = pair
     with pytest.raises(InputError, match="with itself"):
