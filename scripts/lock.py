@@ -222,6 +222,7 @@ def make_lines_for(kind: str, machine: str, python: str) -> Iterator[str]:
 
 
 def main() -> None:
+    """Writes the lock files. Exits with an error if a required package is not installed."""
     requirements = read_pins()
     environment = {key: str(value) for key, value in default_environment().items()}
     if unknown := list(

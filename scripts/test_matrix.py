@@ -107,6 +107,7 @@ def run(row: Row, rest: list[str]) -> tuple[bool, str]:
 
 
 def main() -> int:
+    """Runs the chosen rows and prints a table. Returns 1 if tests of a row failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--only", nargs="*", default=[], metavar="ROW", help="run only these rows")
     parser.add_argument("--load", type=int, default=8, help="number of busy processes of the row 'load'")

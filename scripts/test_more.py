@@ -33,6 +33,7 @@ def run_laws(seed: int, times: int, until: float, rest: list[str]) -> bool:
 
 
 def main() -> int:
+    """Runs rounds with new seeds until the time is over. Returns 1 if tests of a round failed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
         "--minutes", type=float, default=10.0, help="minutes after which no further test starts"

@@ -128,6 +128,12 @@ class HidPedal(Device):
         self._device: Any = None
 
     def open(self) -> None:
+        """Finds the device and opens it. Keys that were held before count as released.
+
+        Raises:
+            OSError: if no such device is connected, or if it cannot be opened, for example without
+                permission.
+        """
         hid = _import_hidapi()
         self._edges.forget()
         with _LISTING_LOCK:
@@ -136,10 +142,14 @@ class HidPedal(Device):
         self._device = device
 
     def read(self) -> list[str]:
+        """Returns the keys that were pressed since the previous report, or no keys if no report arrives in
+        time.
+        """
         report = bytes(self._device.read(_MAX_REPORT_BYTES, int(READ_TIMEOUT_S * 1000)))
         return self._edges.feed(report) if report else []
 
     def close(self) -> None:
+        """Closes the device if it is open."""
         if self._device is not None:
             self._device.close()
             self._device = None

@@ -61,14 +61,25 @@ class SerialPanel(SerialPedal):
         return self._keys.version == VERSION and self._keys.counts != ""
 
     def show(self, lamps: Lamps) -> None:
+        """Stores the lamps, which the reading thread sends. They expire if they are not renewed in time."""
         self._lamps, self._lamps_set_at = lamps, time.monotonic()
 
     def open(self) -> None:
+        """Opens the port with the short timeouts of the panel's protocol. Requires a new greeting of the
+        panel.
+        """
         self._forget()
         super().open()
         self._port.timeout, self._port.write_timeout = _READ_TIMEOUT_S, _WRITE_TIMEOUT_S
 
     def read(self) -> list[str]:
+        """Returns the pressed keys, and sends lamps or a heartbeat if they are due.
+
+        Before a panel has sent its greeting, all keys are dropped. The log reports why a panel was restarted.
+
+        Raises:
+            ResourceError: if the panel has been silent for too long.
+        """
         started_at, received_before, answered = time.monotonic(), self._keys.received, self.is_responding
         keys = super().read()
         self._check_silence(started_at, self._keys.received > received_before)

@@ -35,6 +35,11 @@ class SerialPedal(Device):
         self._keys: LineKeys | ByteKeys | PanelKeys = LineKeys() if settings.sends == "line" else ByteKeys()
 
     def open(self) -> None:
+        """Opens the port exclusively. An incomplete key of the earlier connection is dropped.
+
+        Raises:
+            OSError: if the port does not exist or is in use.
+        """
         serial: Any = importlib.import_module("serial")
         self._keys.forget()
         self._port = serial.Serial(
@@ -49,6 +54,7 @@ class SerialPedal(Device):
         return self._keys.feed(data)
 
     def close(self) -> None:
+        """Closes the port if it is open."""
         if self._port is not None:
             self._port.close()
             self._port = None

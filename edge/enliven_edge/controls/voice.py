@@ -309,10 +309,18 @@ class Voice(Device):
             self._source = Microphone(settings.microphone, where)
 
     def open(self) -> None:
+        """Opens the microphone or the recording. An unfinished utterance is dropped."""
         self._recogniser.forget()
         self._source.open(self._recogniser.frame_bytes)
 
     def read(self) -> list[str]:
+        """Reads one frame of sound. Returns the phrase that ended with it, if there is one.
+
+        After the end of a recording, each call decodes a part of the last utterance.
+
+        Raises:
+            EOFError: if the recording has ended and everything is decoded.
+        """
         try:
             frame = self._source.read()
         except EOFError:
@@ -324,7 +332,9 @@ class Voice(Device):
         return [] if phrase is None else [phrase]
 
     def take_unrecognised_words(self) -> list[str]:
+        """Returns the utterances since the last call that are none of the phrases."""
         return self._recogniser.take_not_understood()
 
     def close(self) -> None:
+        """Releases the microphone or the recording."""
         self._source.close()

@@ -109,6 +109,7 @@ class FileReader(Reader):
         raise NotImplementedError
 
     def can_read(self, paths: Sequence[Path]) -> bool:
+        """Returns True if :meth:`matches` accepts at least one of the files."""
         return any(self.matches(path) for path in paths)
 
     def choose_file(self, paths: Sequence[Path]) -> Path:

@@ -51,12 +51,18 @@ class OpenCvDepthReader(Reader):
     )
 
     def can_read(self, paths: Sequence[Path]) -> bool:
+        """Returns True if a depth PNG has this suffix, and the first image has a camera file of OpenCV."""
         depth = [path for path in paths if path.name.endswith(_SUFFIX)]
         return any(is_depth_png(path) for path in depth) and b"<opencv_storage>" in read_head(
             _camera_file(depth[0])
         )
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
+        """Yields the images in the order of their names, with the colour image of the same name if it exists.
+
+        Raises:
+            InputError: if a depth image or its camera file is missing or cannot be read.
+        """
         images = sorted((path for path in paths if path.name.endswith(_SUFFIX)), key=natural_order)
         if not images:
             raise InputError(f"no file name ends in {_SUFFIX}", where=str(paths[0]))
@@ -110,10 +116,12 @@ class RawKinectReader(Reader):
     )
 
     def can_read(self, paths: Sequence[Path]) -> bool:
+        """Returns True if files have the right size and the first one contains plausible distances."""
         images = _read_raw_images(paths)
         return bool(images) and _are_distances(np.frombuffer(read_file(images[0]), "<u2"))
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
+        """Yields one frame for each raw file, by default at 30 frames per second."""
         images = _read_raw_images(paths) or list(paths)
         for path, time_ns in zip(images, options.times_ns(30.0), strict=False):
             name, camera = _choose_camera(path, KINECT1.width, KINECT1.height, options)
@@ -157,9 +165,15 @@ class PlainDepthReader(Reader):
     )
 
     def can_read(self, paths: Sequence[Path]) -> bool:
+        """Returns True if at least one file is a 16-bit PNG with one channel."""
         return bool(paths) and any(is_depth_png(path) for path in paths)
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
+        """Yields the depth images of the series, with the given or assumed camera.
+
+        Raises:
+            InputError: if an image cannot be read.
+        """
         images = find_depth_series(paths) or list(paths)
         unit = detect_unit(images[0], options)
         for path, time_ns in list_timed_images(images, options):

@@ -79,10 +79,18 @@ class FlowRoomReader(SkeletonReader):
     sensor = "kinect2"
 
     def matches(self, path: Path) -> bool:
+        """Returns True if the file starts with a JSON list of bodies with joints."""
         head = read_head(path, 512).lstrip()
         return head.startswith(b"[") and b'"bodyIndex"' in head and b'"joints"' in head
 
     def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
+        """Returns the bodies at each moment, by default at 30 frames per second.
+
+        Joints are metres in the skeleton space of the Kinect. Repaired joints count as inferred.
+
+        Raises:
+            InputError: if the file is damaged, or contains no usable body.
+        """
         frames = read_frames(path)
         pixels = [[clean_joints(skeleton) for skeleton in frame] for frame in frames]
         distance = estimate_distance([points for frame in pixels for points, _ in frame], path)

@@ -94,10 +94,16 @@ class BodyScannerReader(SkeletonReader):
     sensor = "kinect2"
 
     def matches(self, path: Path) -> bool:
+        """Returns True if the first two rows are the header and the row ``Degree``."""
         rows = [line.split(",") for line in first_lines(read_head(path), 2)]
         return len(rows) == 2 and rows[0] == _SCAN_HEADER and rows[1][0] == _SCAN_TILT
 
     def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
+        """Returns a single moment with one body, rotated by the sensor's tilt so that +Y is up.
+
+        Raises:
+            InputError: if a joint is missing, or a value is not a number.
+        """
         rows = read_rows(path)[1:]
         values = numbers_from_rows([row[1:] for row in rows], path, 3, 2)
         position_by_name = {row[0].strip(): xyz for row, xyz in zip(rows, values, strict=False)}
@@ -138,10 +144,16 @@ class GaitReader(SkeletonReader):
     )
 
     def matches(self, path: Path) -> bool:
+        """Returns True if each of the first 20 lines has a known joint name and three values."""
         rows = [line.split(";") for line in first_lines(read_head(path), 20)]
         return bool(rows) and all(len(row) == 4 and row[0].strip().title() in _GAIT_NAMES for row in rows)
 
     def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
+        """Returns one body for each frame, by default at 30 frames per second. Missing joints are NaN.
+
+        Raises:
+            InputError: for an unknown joint, or a value that is not a number.
+        """
         rows = read_rows(path, ";")
         joints = [_gait_joint(row[0], path, line) for line, row in enumerate(rows, 1)]
         values = numbers_from_rows([row[1:] for row in rows], path, 3)
@@ -178,10 +190,16 @@ class LabanotationReader(SkeletonReader):
     sensor = "kinect2"
 
     def matches(self, path: Path) -> bool:
+        """Returns True if the first row has exactly 101 numbers."""
         cells = (first_lines(read_head(path), 1) or [""])[0].rstrip(",").split(",")
         return len(cells) == _LABANOTATION_COLUMNS and are_numbers(cells)
 
     def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
+        """Returns one body for each row, at the time in the row. The tracking state becomes the confidence.
+
+        Raises:
+            InputError: for a row of another length, an unknown tracking state, or a missing time.
+        """
         values = numbers_from_rows(read_rows(path), path, _LABANOTATION_COLUMNS)
         joints = values[:, 1:].reshape(-1, 25, 4)[:, KINECT2_ORDER]
         states = joints[..., 3]
@@ -202,10 +220,18 @@ class MsrAction3dReader(SkeletonReader):
     note = "the file contains no times, so 15 frames a second are assumed"
 
     def matches(self, path: Path) -> bool:
+        """Returns True if each of the first 20 rows has four numbers."""
         rows = [line.split() for line in first_lines(read_head(path), 20)]
         return len(rows) == 20 and all(len(row) == 4 and are_numbers(row) for row in rows)
 
     def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
+        """Returns one body for each frame, with joints in metres.
+
+        A median depth of 20 or more cannot be metres, so the file is then read as pixels.
+
+        Raises:
+            InputError: if the numbers do not fill complete frames.
+        """
         values = read_floats(path)
         if not values.size or values.size % 80:
             problem = f"the file contains {values.size} numbers, which is not a multiple of 80 (one frame)"

@@ -59,9 +59,18 @@ class MotionCaptureReader(FileReader):
     note = "the unit is guessed from the leg length; every joint counts as tracked"
 
     def matches(self, path: Path) -> bool:
+        """Returns True for a BVH file or a table of exponential maps."""
         return _is_bvh(path) or _is_expmap(path)
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
+        """Yields one body for each frame, at the capture's own rate unless ``options.fps`` sets another one.
+
+        Poses that were added before or after the motion, such as a T-pose, are removed. ``options.note``
+        reports this.
+
+        Raises:
+            InputError: if the file cannot be read, or its joints are not those of a human body.
+        """
         path = self.choose_file(paths)
         capture = remove_added_poses(read_capture(path))
         for note in capture.notes:

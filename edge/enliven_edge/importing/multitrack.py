@@ -59,10 +59,16 @@ class MultiTrackReader(FileReader):
     capture by the Kinect's own clock, which is up to ten milliseconds earlier."""
 
     def matches(self, path: Path) -> bool:
+        """Returns True if the header has the columns of times, persons, Kinects and joints."""
         header = (first_lines(read_head(path), 1) or [""])[0]
         return all(f"{name}," in header for name in (*_KEYS, "SpineBase_X"))
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
+        """Yields the bodies that one Kinect measured, grouped by time. An incomplete last row is ignored.
+
+        Raises:
+            InputError: for a missing column, a row of another length, or an unknown Kinect.
+        """
         path = self.choose_file(paths)
         header, *rows = read_rows(path)
         column = {name.strip(): index for index, name in enumerate(header)}

@@ -61,10 +61,17 @@ class RealSenseReader(Reader):
     note = "the files contain no times, so frames are evenly spaced"
 
     def can_read(self, paths: Sequence[Path]) -> bool:
+        """Returns True if a depth PNG is named after a device, and the device list is in the same folder."""
         images = _find_images(paths)
         return any(is_depth_png(path) for path in images) and (images[0].parent / _REPOSITORY).is_file()
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
+        """Yields the images of all devices in the order of their names. Each has the camera of its own
+        device.
+
+        Raises:
+            InputError: if all images are missing, or the list has no calibration for an image.
+        """
         images = _find_images(paths)
         if not images:
             raise InputError("no file has a name of the form N_DEVICE_depth_N.png", where=str(paths[0]))
@@ -154,6 +161,9 @@ class PosedDepthReader(Reader):
     )
 
     def can_read(self, paths: Sequence[Path]) -> bool:
+        """Returns True if the first image has a pose file. The camera must be in a file, or known from the
+        image size.
+        """
         images = [path for path in paths if path.name.endswith(_SUFFIX)]
         first = next((path for path in sorted(images, key=natural_order) if is_depth_png(path)), None)
         if first is None or not _pose_file(first).is_file():
@@ -161,6 +171,11 @@ class PosedDepthReader(Reader):
         return (first.parent / _CAMERA).is_file() or png_size(first) == _SEVEN_SCENES_SIZE
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
+        """Yields the images with their sensor's pose (4, 4) in the world, and with colour if it exists.
+
+        Raises:
+            InputError: if all images are missing, or if a pose is not rigid.
+        """
         images = sorted((path for path in paths if path.name.endswith(_SUFFIX)), key=natural_order)
         if not images:
             raise InputError(f"no file name ends in {_SUFFIX}", where=str(paths[0]))

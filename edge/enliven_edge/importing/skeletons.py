@@ -69,6 +69,11 @@ class SkeletonReader(FileReader):
         raise NotImplementedError
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
+        """Yields the bodies of :meth:`moments` in the world frame, on the floor.
+
+        Raises:
+            InputError: if the file cannot be read, or contains no measured joint.
+        """
         path = self.choose_file(paths)
         sensor = options.device or self.sensor
         return frames_in_world(self.moments(path, options), sensor, WORLD_FROM_KINECT_SPACE, str(path))

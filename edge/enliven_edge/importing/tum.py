@@ -50,11 +50,18 @@ class TumReader(Reader):
     note = "the files contain no camera, so a focal length of 525 pixels is assumed unless --lens is given"
 
     def can_read(self, paths: Sequence[Path]) -> bool:
+        """Returns True if there is a file depth.txt, or a depth PNG that is named after its time."""
         return any(_is_list(path) for path in paths) or any(
             _is_timed(path) and is_depth_png(path) for path in paths
         )
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
+        """Yields the images ordered by time, with the nearest colour image and pose if one is near enough in
+        time.
+
+        Raises:
+            InputError: if no image is named after its time, or if a list or an image cannot be read.
+        """
         lists = [path for path in paths if _is_list(path)]
         if lists:
             folder, timed = lists[0].parent, _read_list(lists[0])

@@ -156,6 +156,14 @@ class MediaPipeSource(LandmarkSource):
             raise self._process_error()
 
     def find(self, colour: UInt8, time_ns: int) -> list[Landmarks]:
+        """Returns the people that the worker finds in an (h, w, 3) uint8 sRGB image. Waits for its answer.
+
+        MediaPipe requires increasing milliseconds, so the time of a frame in the same millisecond is
+        increased.
+
+        Raises:
+            ResourceError: if the worker has ended, or sends impossible data.
+        """
         height, width = colour.shape[:2]
         self._newest_ms = max(self._newest_ms + 1, time_ns // 1_000_000)
         try:
@@ -171,6 +179,7 @@ class MediaPipeSource(LandmarkSource):
         return [_parse_person(person) for person in people]
 
     def close(self) -> None:
+        """Ends the worker, and closes the pipes to it. A second call does nothing."""
         if self._worker.poll() is None:
             self._worker.terminate()
             self._worker.wait()

@@ -97,6 +97,16 @@ class ReopeningSensor(Sensor):
         self._closed = False
 
     def read(self, timeout: float | None = None) -> Frame | None:
+        """Returns the next frame of the device, with an adjusted time. Opens the device if necessary.
+
+        Returns None after :meth:`close`, or if the device's stream has ended. A call of the driver that hangs
+        is abandoned, and the device is opened again.
+
+        Raises:
+            TimeoutError: if no frame arrived in time.
+            SensorFault: once for each loss of the device.
+            InputError: for a frame that cannot be used.
+        """
         deadline = None if timeout is None else time.monotonic() + timeout
         while not self._closed:
             left = None if deadline is None else max(0.0, deadline - time.monotonic())

@@ -83,6 +83,12 @@ class ReplaySensor(Sensor):
         self._started: float | None = None
 
     def read(self, timeout: float | None = None) -> Frame | None:
+        """Returns the next frame at its due time, or immediately if the speed is 0. Returns None at the end.
+
+        Raises:
+            TimeoutError: if the next frame is due later than ``timeout``. The full timeout has then passed.
+            Exception: the recorded error, if the recorded sensor had a fault at this time.
+        """
         if not self._ahead:
             self._ahead.extend(itertools.islice(self._entries, 1))
         if not self._ahead:
@@ -109,6 +115,7 @@ class ReplaySensor(Sensor):
         return self._condition
 
     def close(self) -> None:
+        """Closes the recording, and deletes the temporary file of an imported capture."""
         self._ahead.clear()
         self._entries = iter(())
         self._file.close()

@@ -77,6 +77,12 @@ class WebcamSensor(Sensor):
         self._closed = False
 
     def read(self, timeout: float | None = None) -> BodyFrame | None:
+        """Returns the bodies in the next image. The images of a film wait for their time. Returns None at its
+        end.
+
+        Raises:
+            TimeoutError: if the film's next image is due later than ``timeout``.
+        """
         if self._closed:
             return None
         image = self._waiting or self._next_image()
@@ -95,6 +101,7 @@ class WebcamSensor(Sensor):
         return BodyFrame(self._estimator.bodies(colour, time_ns), time_ns, self.name)
 
     def close(self) -> None:
+        """Closes the camera or film, and ends the detection of landmarks. A second call does nothing."""
         if not self._closed:
             self._closed = True
             self._container.close()

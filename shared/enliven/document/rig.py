@@ -67,10 +67,14 @@ class RigBase:
     if TYPE_CHECKING:
 
         @property
-        def id(self) -> str: ...
+        def id(self) -> str:
+            """The name of the character, unique in its project."""
+            ...
 
         @property
-        def mesh(self) -> Mesh | None: ...
+        def mesh(self) -> Mesh | None:
+            """The surface at rest, or None for a skeleton without a surface."""
+            ...
 
     def __init_subclass__(cls) -> None:
         RigBase.kinds[cls.kind] = cls

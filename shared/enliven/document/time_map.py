@@ -350,10 +350,14 @@ class LayerBase(TimeMap):
     if TYPE_CHECKING:
 
         @property
-        def take(self) -> str: ...
+        def take(self) -> str:
+            """The id of the take in the collection :attr:`source`."""
+            ...
 
         @property
-        def muted(self) -> bool: ...
+        def muted(self) -> bool:
+            """True if the layer is left out."""
+            ...
 
     def needs(self) -> tuple[tuple[str, str], ...]:
         """Returns its references: collections of the project, and ids in them."""

@@ -97,6 +97,7 @@ class DepthMemory(Closeable):
         return DepthFrame(depth, camera, reference.time_ns, reference.sensor)
 
     def close(self) -> None:
+        """Unmaps the memory and closes its descriptor. The other process can still use its own mapping."""
         self._memory.close()
         if self._descriptor >= 0:
             os.close(self._descriptor)

@@ -141,6 +141,12 @@ class OscOutput(LiveOutput):
         self._first_ns: int | None = None
 
     def encode_packets(self, frame: LiveFrame) -> list[bytes]:
+        """Returns the events since the last frame, followed by the tree of addresses.
+
+        The clock below ``/enliven`` starts at the first frame, and starts again if the time goes backwards.
+        The message layout is cached for each set of characters and performers, so that a frame only fills in
+        numbers.
+        """
         if self._first_ns is None or frame.time_ns < self._first_ns:
             self._first_ns = frame.time_ns
         rows = frame.rows

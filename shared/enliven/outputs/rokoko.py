@@ -66,6 +66,7 @@ class RokokoOutput(LiveOutput):
         self._last_ns = 0
 
     def encode_packets(self, frame: LiveFrame) -> list[bytes]:
+        """Returns one packet: the whole scene as JSON, inside an LZ4 frame if ``compress`` is set."""
         humans, rows = frame.humans, frame.rows
         shapes = (
             None if frame.props is None else (frame.props.shapes.tobytes(), frame.props.colours.tobytes())

@@ -34,6 +34,7 @@ class UdpSender(Sender):
         self._is_connected = False
 
     def close(self) -> None:
+        """Closes the socket. A second call does nothing."""
         self._socket.close()
 
     def _send(self, frame: LiveFrame) -> None:

@@ -54,6 +54,11 @@ class VmcOutput(LiveOutput):
         self._first_ns: int | None = None
 
     def check(self, characters: Mapping[str, CharacterInfo]) -> None:
+        """Checks that the character that the address names has humanoid bones.
+
+        Raises:
+            InputError: if that character is on the stage and is not a rigged human.
+        """
         if self._source in characters and characters[self._source].humanoid is None:
             remedy = (
                 "Remove the character from the address to send it as a tracker. Or use a rigged "
@@ -63,6 +68,12 @@ class VmcOutput(LiveOutput):
             raise InputError("this character has no humanoid bones", where=where, remedy=remedy)
 
     def encode_packets(self, frame: LiveFrame) -> list[bytes]:
+        """Returns the state of the avatar, its root at the origin, its bones, and trackers for everything
+        else.
+
+        Without a person or humanoid character, the messages report that no avatar is loaded. Only trackers
+        follow.
+        """
         if self._first_ns is None or frame.time_ns < self._first_ns:
             self._first_ns = frame.time_ns
         human, rows = frame.find_human(self._source), frame.rows

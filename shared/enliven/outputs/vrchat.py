@@ -56,6 +56,9 @@ class VrchatOutput(LiveOutput):
         self._templates = OscTemplates()
 
     def encode_packets(self, frame: LiveFrame) -> list[bytes]:
+        """Returns the packets of the performer's trackers and head, or no packets if the performer is out of
+        view.
+        """
         number = (
             int(self._source.removeprefix(PERFORMER)) if self._source else min(frame.performers, default=0)
         )

@@ -111,6 +111,14 @@ class FusedSensors(Sensor):
         return all(thread.ended or thread.sensor.is_waiting for thread in self._threads)
 
     def read(self, timeout: float | None = None) -> BodyFrame | None:
+        """Returns the next fused bodies when they are due. The first call starts the threads.
+
+        Returns None if all sensors have ended.
+
+        Raises:
+            TimeoutError: if no sensor sent a frame in time.
+            ResourceError: if all sensors were lost, or one of them with ``once``.
+        """
         if not self._started:
             self._started = True
             for thread in self._threads:
@@ -131,6 +139,7 @@ class FusedSensors(Sensor):
             thread.learn_room()
 
     def close(self) -> None:
+        """Stops the thread of each sensor and closes the sensor."""
         for thread in self._threads:
             thread.stop()
 

@@ -132,6 +132,10 @@ class TrackingThread(SensorThread):
         self._learns_room.set()
 
     def stop(self) -> None:
+        """Ends the thread, also while it waits for space in its queue, and closes the sensor.
+
+        A thread that hangs in a driver is abandoned after five seconds.
+        """
         self._stopped.set()
         with self._changed:
             self._changed.notify_all()

@@ -19,10 +19,16 @@ class BagReader(FileReader):
     note = ""
 
     def matches(self, path: Path) -> bool:
+        """Returns True for the magic bytes of a ROS 1 bag, or of a SQLite file that is named .db3."""
         head = read_head(path, len(ros2.MAGIC))
         return head.startswith(ros1.MAGIC) or (head == ros2.MAGIC and path.suffix == ".db3")
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
+        """Yields the depth frames of the camera that the topics name: RealSense or Orbbec.
+
+        Raises:
+            InputError: for a damaged bag, or a bag without images of these cameras.
+        """
         path = self.choose_file(paths)
         if read_head(path, len(ros2.MAGIC)) == ros2.MAGIC:
             yield from realsense.frames(path, ros2.messages, options.device)

@@ -82,6 +82,11 @@ class AlignedFields(Fields):
             raise self.make_damage_error()
 
     def numbers(self, kinds: str) -> tuple[float, ...]:
+        """Reads the next numbers, one for each letter of ``kinds``. Skips the padding before each of them.
+
+        Raises:
+            InputError: if the message is too short.
+        """
         values: list[float] = []
         for kind in kinds:
             self._offset += -self._offset % struct.calcsize(kind)

@@ -113,6 +113,15 @@ class LibcameraSensor(Sensor):
             raise
 
     def read(self, timeout: float | None = None) -> DepthFrame | BodyFrame | None:
+        """Returns bodies for each image of a single camera, or depth for each pair of images.
+
+        Returns None at the end of a rehearsal. ``timeout`` limits the total wait for both images of a pair.
+
+        Raises:
+            TimeoutError: if no image, or no second image of a pair, arrived in time.
+            InputError: for a damaged image. The stream continues with the next call.
+            ResourceError: if a camera was lost.
+        """
         deadline = None if timeout is None else time.monotonic() + timeout
         while True:
             left = None if deadline is None else max(deadline - time.monotonic(), 0.0)
@@ -134,6 +143,7 @@ class LibcameraSensor(Sensor):
         return Condition(link, temperature=self._images.temperature(), hot=_MAX_TEMPERATURE_C)
 
     def close(self) -> None:
+        """Stops the cameras, and ends the detection of landmarks."""
         self._images.close()
         if self._estimator is not None:
             self._estimator.close()

@@ -95,6 +95,12 @@ class OakSensor(Sensor):
             raise convert_error("oak", error, self.name, bool(rehearse)) from None
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
+        """Returns the next depth image. Returns None at the end of a rehearsal.
+
+        Raises:
+            TimeoutError: if no image arrived in time.
+            ResourceError: if the firmware crashed or the connection was lost.
+        """
         is_over = self._driver_replay is not None and self._driver_replay.is_over()
         try:
             image = self._images.get(timeout=timedelta(seconds=timeout or 0.0))
@@ -119,6 +125,7 @@ class OakSensor(Sensor):
         return Condition(link, slow, celsius, _MAX_TEMPERATURE_C, self._measure_gravity(), self._calibrated)
 
     def close(self) -> None:
+        """Stops the pipeline and closes the device. A second call does nothing."""
         if self._driver_replay:
             self._driver_replay.stop()
         if self._images is not None:

@@ -99,6 +99,13 @@ class OrbbecSensor(Sensor):
             raise
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
+        """Returns the next depth image. The first call starts the stream. Returns None at the end of a
+        rehearsal.
+
+        Raises:
+            TimeoutError: if no image arrived in time.
+            ResourceError: if the camera was unplugged or its driver reports an error.
+        """
         try:
             self._start()
             is_over = self._rehearsed and self._played_parts == self._part
@@ -127,6 +134,7 @@ class OrbbecSensor(Sensor):
         return Condition(usb, slow, self._celsius(), None, self._measure_gravity(), self._calibrated)
 
     def close(self) -> None:
+        """Stops the stream, and releases the device and the remaining parts of a rehearsal."""
         self._stop()
         self._device = self._context = None
         self._left = []

@@ -82,6 +82,11 @@ class RealSenseSensor(Sensor):
             raise
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
+        """Returns the next depth image. Returns None at the end of a rehearsal.
+
+        Raises:
+            TimeoutError: if no image arrived in time.
+        """
         is_over = self._driver_replay is not None and self._driver_replay.is_over()
         has_image, frame = self._images.try_wait_for_frame(round(1e3 * (timeout or 0.0)))
         if not has_image:
@@ -109,6 +114,7 @@ class RealSenseSensor(Sensor):
         )
 
     def close(self) -> None:
+        """Stops and closes all streams of the device. A second call does nothing."""
         if self._driver_replay:
             self._driver_replay.stop()
         streams, self._streams = self._streams, []

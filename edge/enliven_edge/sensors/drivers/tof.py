@@ -105,6 +105,12 @@ class TofSensor(Sensor):
             self._open(device, range)
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
+        """Returns the next depth image. Its time is the arrival at this machine. Returns None at the end of a
+        rehearsal.
+
+        Raises:
+            TimeoutError: if no image arrived in time.
+        """
         is_over = self._driver_replay is not None and self._driver_replay.is_over()
         frame = self._request_frame(timeout or 0.0)
         if frame is None:
@@ -130,6 +136,7 @@ class TofSensor(Sensor):
         return Condition("CSI" if self._camera is not None else "", calibrated=self._calibrated)
 
     def close(self) -> None:
+        """Stops and closes the camera. A second call does nothing."""
         if self._driver_replay:
             self._driver_replay.stop()
         camera, self._camera = self._camera, None

@@ -93,6 +93,14 @@ class IsolatedSensor(Sensor):
         return self._condition
 
     def read(self, timeout: float | None = None) -> Frame | None:
+        """Returns the next frame of the helper process. The first call starts its frames.
+
+        Returns None after the end of the stream.
+
+        Raises:
+            TimeoutError: if no frame arrived in time.
+            SensorFault: if the device counts as lost, because no frame arrived for a long time.
+        """
         deadline = None if timeout is None else time.monotonic() + timeout
         if self._last_image_at == -math.inf and not self._closed:
             self._helper.start_frames()
@@ -112,6 +120,7 @@ class IsolatedSensor(Sensor):
         return None
 
     def close(self) -> None:
+        """Ends the helper process, and kills it if its driver hangs. A second call does nothing."""
         if not self._closed:
             self._closed = True
             self._helper.end()

@@ -88,6 +88,7 @@ class OscPort(Closeable):
         return messages
 
     def close(self) -> None:
+        """Closes the socket, so that another program can use the port."""
         self._socket.close()
 
     def _receive(self, timeout: float | None) -> Iterator[Message]:

@@ -72,6 +72,11 @@ class PuppetActor(Actor):
     def perform(
         self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
     ) -> Pose:
+        """Returns the pose to which the key poses map the performers' joints.
+
+        Places the puppet next to the first visible performer once. Eases changes of performers, and gaps
+        between frames.
+        """
         if not self._placed and bodies and np.isfinite(bodies[0].joints).all():
             self._place_beside(bodies[0])
         self._hand_over(bodies, time_ns)
@@ -122,11 +127,20 @@ class PuppetActor(Actor):
         self._candidate = (None, parts)
 
     def release(self, body: int | None = None) -> None:
+        """Detaches one performer, or all performers if ``body`` is None. The control points ease back to
+        rest.
+
+        Raises:
+            InputError: if that performer does not move this puppet.
+        """
         self._require_holder(body, ("move", "moved"))
         left = [hold for hold in self.holds if body is not None and hold.body != body]
         self._replace_holds(left)
 
     def cues(self, bodies: list[Body]) -> Cues:
+        """Returns the highlights of the moved control points, and of the points that the next performer would
+        move.
+        """
         who, parts = self._candidate
         body = next((b for b in bodies if b.id == who), None) or self.next_performer(bodies)
         held = [(hold.body, self._highlight_strengths(hold.points)) for hold in self.holds]
@@ -136,6 +150,7 @@ class PuppetActor(Actor):
         return make_cues(held, preview)
 
     def warm_up(self) -> None:
+        """Runs all code paths with random joints on a copy, so that this puppet does not change."""
         rehearsal = PuppetActor(self._project, self._puppet, self.settings)
         joints = np.random.default_rng(0).normal(size=(20, 3))
         body = Body(0, joints, np.ones(20))

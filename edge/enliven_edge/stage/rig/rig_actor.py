@@ -44,6 +44,7 @@ class RigActor(ChosenActor):
 
     @property
     def skeleton(self) -> Skeleton:
+        """The skeleton at rest. The joints of every pose have its order."""
         return self.live_shape.shape.skeleton
 
     @property
@@ -62,12 +63,19 @@ class RigActor(ChosenActor):
 
     @property
     def candidate(self) -> tuple[int | None, str]:
+        """The performer who chooses now, otherwise the one of :meth:`preview`, and the name of the body
+        parts.
+        """
         candidate_id, parts = self._candidate
         return (self.chooser.body if self.chooser.body >= 0 else candidate_id), parts
 
     def perform(
         self, bodies: list[Body], time_ns: int, seen: Mapping[int, ObservedPoints] | None = None
     ) -> Pose:
+        """Returns the pose at a time, and ranks the matches of a performer who drives nothing yet.
+
+        Bodies with unknown joints are ignored. A performer who holds still accepts the shown match.
+        """
         self._time_ns = time_ns
         bodies = [body for body in bodies if np.isfinite(body.joints).all()]
         if not self._placed and bodies:
@@ -95,14 +103,25 @@ class RigActor(ChosenActor):
         self._bind([body], mode)
 
     def release(self, body: int | None = None) -> None:
+        """Detaches one performer, or all performers if ``body`` is None. The choice of a match starts again.
+
+        Raises:
+            InputError: if that performer does not drive this character.
+        """
         self._require_holder(body, ("drive", "driven"))
         self.live_shape.release(body)
         self.chooser.restart()
 
     def browse(self, step: int) -> None:
+        """Shows the match that is ``step`` places further in the ranking. Step 0 makes it follow the pose
+        again.
+        """
         self.chooser.browse(step)
 
     def cues(self, bodies: list[Body]) -> Cues:
+        """Returns the highlights of the driven joints. If there are none, highlights the joints of the shown
+        match.
+        """
         count = len(self.character.pivots)
         held = [(hold.body, _highlight_strengths(count, [t for _, t in hold.pairs])) for hold in self.holds]
         targets = () if held else self.chooser.targets()
@@ -110,6 +129,7 @@ class RigActor(ChosenActor):
         return make_cues(held, preview)
 
     def board(self) -> MatchList:
+        """Returns the driven chains, the ranked matches of a performer who chooses, or an empty list."""
         own_id, chooser = self.character.id, self.chooser
         if self.holds:
             # While a performer drives the rig, another performer's match would hide the driven chains.
@@ -128,6 +148,7 @@ class RigActor(ChosenActor):
         return MatchRow("driven", 0, 0.0, lines, limbs, hold.body)
 
     def warm_up(self) -> None:
+        """Runs all code paths with random joints on a copy, so that this character does not change."""
         rehearsal = RigActor(self.live_shape.shape, self.settings)
         joints = np.random.default_rng(0).normal(size=(20, 3))
         for parts in ("all", "arms"):

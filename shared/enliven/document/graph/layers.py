@@ -66,9 +66,14 @@ class SolvedLayer(LayerBase):
     if TYPE_CHECKING:
 
         @property
-        def nodes(self) -> Int: ...
+        def nodes(self) -> Int:
+            """The (K,) int64 numbers of the stream's nodes that the layer plays."""
+            ...
+
         @property
-        def possession(self) -> Possession | None: ...
+        def possession(self) -> Possession | None:
+            """The inputs of the solution, or None if the stream was not solved."""
+            ...
 
     def needs(self) -> tuple[tuple[str, str], ...]:
         """Returns the references of the layer: to its stream, and to the body take of its solution."""

@@ -59,15 +59,18 @@ class PlaneCut(CutSurface):
         object.__setattr__(self, "normal", normal / length)
 
     def compute_distances(self, points: Float) -> Float:
+        """Returns (N,) distances in metres along the normal from the plane to points (N, 3)."""
         return np.asarray((points - self.point) @ self.normal)
 
     def compute_coordinates(self, points: Float) -> Float:
+        """Returns (N, 2) metres along two perpendicular axes in the plane, with the origin at ``point``."""
         across = np.cross(self.normal, np.eye(3)[np.argmin(np.abs(self.normal))])
         across /= np.linalg.norm(across)
         axes = np.stack([across, np.cross(self.normal, across)])
         return np.asarray((points - self.point) @ axes.T)
 
     def covers(self, points: Float) -> Bool:
+        """Returns (N,) True for points (N, 3) with a projection at most ``reach`` away from ``point``."""
         return np.asarray(np.linalg.norm(self.compute_coordinates(points), axis=1) <= self.reach)
 
 
@@ -105,9 +108,17 @@ class StrokeCut(CutSurface):
         object.__setattr__(self, "picture_from_world", np.array(self.picture_from_world, np.float64))
 
     def compute_distances(self, points: Float) -> Float:
+        """Returns (N,) distances from the stroke to the images of points (N, 3), in units of the stroke.
+
+        They are positive on the left of the stroke.
+        """
         return self._stroke_coordinates(points)[1]
 
     def compute_coordinates(self, points: Float) -> Float:
+        """Returns (N, 2): position along the stroke and position along the viewing direction.
+
+        Both are approximately metres, because the stroke is scaled at the median depth of the points.
+        """
         if len(points) == 0:
             return np.zeros((0, 2))
         along, _, depth = self._stroke_coordinates(points)
@@ -119,6 +130,9 @@ class StrokeCut(CutSurface):
         return np.stack([along * unit, points @ (ahead / np.linalg.norm(ahead))], 1)
 
     def covers(self, points: Float) -> Bool:
+        """Returns (N,) True for points (N, 3) with an image between both ends of the stroke, without its
+        extensions.
+        """
         along = self._stroke_coordinates(points)[0]
         return np.asarray((along >= 0) & (along <= _arc_lengths(self.stroke)[-1]))
 

@@ -114,9 +114,11 @@ class FoxgloveServer(Sender):
 
     @property
     def wants_depth(self) -> bool:
+        """True if a client has subscribed to the depth image or to the camera calibration."""
         return bool(self._depth.has_sinks() or self._calibration.has_sinks())
 
     def put_health(self, states: Sequence[HealthState]) -> None:
+        """Logs each state that began or ended since the last call in Foxglove's log panel."""
         now = messages.timestamp(time.time_ns())
         new = {(state.kind, state.performer, state.since_ns): state for state in states}
         with self._lock:
@@ -177,6 +179,7 @@ class FoxgloveServer(Sender):
         return time_ns + self._offset_ns
 
     def close(self) -> None:
+        """Stops the server, and waits for a limited time until the operating system has released the port."""
         self._server.stop()
         # The library closes its port in the background. Wait for it, because a restarted edge needs the port
         # immediately.

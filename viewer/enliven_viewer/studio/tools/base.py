@@ -156,14 +156,17 @@ class StrokeTool(Tool):
         """Does nothing: hovering picks nothing while drawing."""
 
     def press(self, pointer: Pointer) -> bool:
+        """Pauses playback and starts a stroke. Returns True, so a drag never turns the view."""
         self.editor.playing = False
         self._stroke = [pointer.at]
         return True
 
     def drag(self, pointer: Pointer) -> None:
+        """Appends the pointer's position, if it is at least ``apart`` pixels away from the last point."""
         if self._stroke and math.dist(pointer.at, self._stroke[-1]) >= self.apart:
             self._stroke.append(pointer.at)
 
     def cancel(self) -> None:
+        """Drops the unfinished stroke."""
         super().cancel()
         self._stroke = []

@@ -27,6 +27,7 @@ class CutTool(StrokeTool):
 
     @property
     def hint(self) -> str:
+        """Returns the number of bones that a release would cut, or the way to draw a stroke."""
         if self._crossed_bones:
             count = len(self._crossed_bones)
             return tr_n(
@@ -39,10 +40,14 @@ class CutTool(StrokeTool):
         return "Draw a stroke across a limb to cut it. Both parts keep their current pose and their motion."
 
     def press(self, pointer: Pointer) -> bool:
+        """Starts a stroke that crosses no bones yet."""
         self._crossed_bones, self.hovered = [], None
         return super().press(pointer)
 
     def drag(self, pointer: Pointer) -> None:
+        """Extends the stroke, and finds the bones that it crosses. Does nothing else for a very short
+        movement.
+        """
         count, editor = len(self._stroke), self.editor
         super().drag(pointer)
         if len(self._stroke) == count:
@@ -112,10 +117,12 @@ class CutTool(StrokeTool):
         return StrokeCut(np.array([(x, height - y) for x, y in stroke]), picture)
 
     def cancel(self) -> None:
+        """Drops the stroke, and forgets the crossed bones."""
         super().cancel()
         self._crossed_bones = []
 
     def overlay(self) -> Overlay:
+        """Returns the stroke, with a disc on each bone that it crosses."""
         if len(self._stroke) < 2:
             return Overlay()
         marks: list[Line | Disc] = [Line(tuple(self._stroke), CUT, 2.5)]

@@ -46,6 +46,7 @@ class LimbEndsTool(Tool):
 
     @property
     def hint(self) -> str:
+        """Returns the next step: choose a character, or drag one of its marks."""
         shape = self.editor.find_selected(GraphCharacter)
         if shape is None:
             return "Click a possessed character to mark its head, hands and feet."
@@ -80,6 +81,10 @@ class LimbEndsTool(Tool):
         """Does nothing: only the marks can be grabbed."""
 
     def press(self, pointer: Pointer) -> bool:
+        """Grabs the nearest mark within reach, otherwise selects the clicked character.
+
+        Returns False without a mark, so that the drag turns the view.
+        """
         shape, self.editor.playing = self.editor.find_selected(GraphCharacter), False
         if shape is not None and len(marks := self.marks):
             distances = np.linalg.norm(self._find_pixels(shape.id, marks) - np.array(pointer.at), axis=1)
@@ -93,6 +98,7 @@ class LimbEndsTool(Tool):
         return False
 
     def drag(self, pointer: Pointer) -> None:
+        """Moves the grabbed mark to the vertex under the pointer. Outside of the mesh, the mark stays."""
         shape = self.editor.find_selected(GraphCharacter)
         if self._held_mark is None or shape is None:
             return
@@ -106,12 +112,14 @@ class LimbEndsTool(Tool):
             )
 
     def release(self, pointer: Pointer) -> None:
+        """Stores the positions of all marks as one edit. The detected marks become fixed, too."""
         shape, held, marks = self.editor.find_selected(GraphCharacter), self._held_mark, self.marks
         self._held_mark = None
         if shape is not None and held is not None:
             self._store_ends(shape, shape.mesh.vertices[marks], later("name the {0}", _END_WORDS[held[0]]))
 
     def type(self, key: str) -> bool:
+        """Deletes the stored marks for Delete and Backspace, so that they are detected again."""
         shape = self.editor.find_selected(GraphCharacter)
         if key not in ("delete", "backspace") or shape is None or not len(shape.ends):
             return False
@@ -119,10 +127,14 @@ class LimbEndsTool(Tool):
         return True
 
     def cancel(self) -> None:
+        """Cancels the drag. The mark returns to its earlier place."""
         super().cancel()
         self._held_mark = None
 
     def overlay(self) -> Overlay:
+        """Returns a labelled disc for each visible mark. Stored marks have another colour than detected
+        marks.
+        """
         shape, marks = self.editor.find_selected(GraphCharacter), self.marks
         if shape is None or not len(marks):
             return Overlay()

@@ -49,6 +49,7 @@ class MoveTool(Tool):
 
     @property
     def hint(self) -> str:
+        """Returns the effect of a release now, or the ways to move and to merge."""
         if self._merge_host is not None:
             return "Release to merge here. Both shapes keep their motion."
         if self._held_character is not None and self._held_character.rooted:
@@ -72,6 +73,7 @@ class MoveTool(Tool):
         )
 
     def press(self, pointer: Pointer) -> bool:
+        """Starts to move the character under the pointer. Returns False if there is none."""
         hit = self.character_at(pointer)
         self._held_character = None if hit is None else CharacterDrag(self.editor, hit, pointer)
         self._other_trees = []
@@ -80,6 +82,11 @@ class MoveTool(Tool):
         return hit is not None
 
     def drag(self, pointer: Pointer) -> None:
+        """Moves the character as a preview, and finds the target of a merge.
+
+        The target is a joint or bone near the moved root. With Shift it is the character below or next to the
+        pointer.
+        """
         held, editor = self._held_character, self.editor
         if held is None:
             return
@@ -190,10 +197,12 @@ class MoveTool(Tool):
         self.editor.toasts.show_message(problem, remedy)
 
     def cancel(self) -> None:
+        """Cancels the move. The character returns to its earlier place."""
         super().cancel()
         self._held_character = self._merge_host = None
 
     def overlay(self) -> Overlay:
+        """Returns the usual marks. If a release would merge, also marks the target."""
         base_overlay = super().overlay()
         if self._held_character is not None and self._merge_host is not None and self._merge_host.handle < 0:
             return self._name_overlay(self._held_character, self._merge_host, base_overlay)

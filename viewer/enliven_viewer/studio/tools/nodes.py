@@ -18,13 +18,18 @@ class InsertTool(Tool):
 
     @property
     def hint(self) -> str:
+        """Returns the effect of a click on a bone."""
         return "Click a bone to add a node to it. The total rotation along the chain stays the same."
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
+        """Returns the bone under the pointer. Joints are ignored, because a click inserts a node between
+        them.
+        """
         editor = self.editor
         return find_bone_at(editor.editable_characters, editor.lens, pointer.at, editor.settings.reach)
 
     def press(self, pointer: Pointer) -> bool:
+        """Inserts a node at the clicked place of a bone and selects it. Returns False if no bone is there."""
         hit = self.handle_at(pointer)
         if hit is None:
             return False
@@ -42,6 +47,7 @@ class InsertTool(Tool):
         return True
 
     def overlay(self) -> Overlay:
+        """Returns the usual marks, with a ring where a click would insert the node."""
         base_overlay, pixel = super().overlay(), self.on_bone(self.hovered)
         return (
             base_overlay
@@ -57,11 +63,13 @@ class RemoveTool(Tool):
 
     @property
     def hint(self) -> str:
+        """Returns the effect of a click on a joint."""
         return (
             "Click a joint to remove it. The bones on both sides become one bone, which keeps both motions."
         )
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
+        """Returns the joint under the pointer. Characters without bones are ignored."""
         editor = self.editor
         return find_joint_at(
             [character for character in editor.editable_characters if character.bones],
@@ -71,6 +79,7 @@ class RemoveTool(Tool):
         )
 
     def press(self, pointer: Pointer) -> bool:
+        """Removes the clicked joint. Returns False if no joint is there."""
         hit = self.handle_at(pointer)
         if hit is None:
             return False
@@ -79,6 +88,7 @@ class RemoveTool(Tool):
         return True
 
     def overlay(self) -> Overlay:
+        """Returns the usual marks, with a ring around the joint that a click would remove."""
         base_overlay, pixel = super().overlay(), self.on_bone(self.hovered)
         return (
             base_overlay

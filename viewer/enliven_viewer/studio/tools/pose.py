@@ -36,6 +36,7 @@ class PoseTool(Tool):
 
     @property
     def hint(self) -> str:
+        """Returns the effect of a release during a drag, otherwise the possible drags."""
         if self._held_handle is not None:
             return "Release to keep the pose. Esc cancels."
         if self.editor.find_selected(ExampleCharacter) is not None:
@@ -50,6 +51,12 @@ class PoseTool(Tool):
         )
 
     def press(self, pointer: Pointer) -> bool:
+        """Grabs the node below the pointer in the mode with automatic keys, otherwise the handle or the
+        surface.
+
+        The surface acts as the root. Returns False if nothing is below the pointer, so that the drag turns
+        the view.
+        """
         node = self._node_at(pointer)
         if node is not None:
             self.editor.playing, self._held_node = False, node
@@ -62,10 +69,12 @@ class PoseTool(Tool):
         return hit is not None
 
     def drag(self, pointer: Pointer) -> None:
+        """Poses the grabbed handle or node as a preview."""
         if self._held_handle is not None or self._held_node is not None:
             self.editor.preview_edit(lambda project: self._apply_pose(project, pointer))
 
     def release(self, pointer: Pointer) -> None:
+        """Stores the pose as one edit. In the mode with automatic keys, it becomes a key at the playhead."""
         if self._held_node is not None and self.editor.draft is not None:
             self.editor.edit(later("key {0}", self._held_node[0]), lambda p: self._apply_pose(p, pointer))
         elif self._held_handle is not None and self.editor.draft is not None:
@@ -80,6 +89,7 @@ class PoseTool(Tool):
         self._held_handle = self._held_node = None
 
     def cancel(self) -> None:
+        """Cancels the drag. The character returns to its earlier pose."""
         super().cancel()
         self._held_handle = self._held_node = None
 

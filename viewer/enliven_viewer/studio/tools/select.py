@@ -33,6 +33,7 @@ class SelectTool(Tool):
 
     @property
     def hint(self) -> str:
+        """Returns the shortcuts that suit the current selection."""
         chosen = self.editor.selection
         if chosen.has_several:
             return tr(
@@ -48,6 +49,10 @@ class SelectTool(Tool):
         return "Click a joint or a shape to choose it; Ctrl adds more. Drag empty space to turn the view."
 
     def press(self, pointer: Pointer) -> bool:
+        """Changes the selection by the clicked joint or character, or starts a selection box with Ctrl.
+
+        Returns True only on a joint or for a box. Every other drag turns the view.
+        """
         hit, editor = self.character_at(pointer), self.editor
         if hit is None:
             if pointer.ctrl:
@@ -68,10 +73,12 @@ class SelectTool(Tool):
         return joint  # Return False for a drag that starts on a surface, because it orbits the camera.
 
     def drag(self, pointer: Pointer) -> None:
+        """Moves the corner of the selection box."""
         if self._box is not None:
             self._box = (self._box[0], pointer.at)
 
     def release(self, pointer: Pointer) -> None:
+        """Selects all characters that the box touches. With Shift, adds them to the selection."""
         box, self._box = self._box, None
         if box is None:
             return
@@ -80,10 +87,12 @@ class SelectTool(Tool):
         self.editor.choose_all(*old_characters, *touched)
 
     def cancel(self) -> None:
+        """Drops the selection box."""
         super().cancel()
         self._box = None
 
     def overlay(self) -> Overlay:
+        """Returns the usual marks, with the selection box."""
         base_overlay = super().overlay()
         if self._box is None:
             return base_overlay

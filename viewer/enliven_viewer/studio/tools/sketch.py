@@ -28,6 +28,7 @@ class SketchTool(StrokeTool):
 
     @property
     def hint(self) -> str:
+        """Returns the way to draw a closed stroke."""
         if self._closed:
             return "Release: the stroke is closed."
         if self._stroke:
@@ -60,6 +61,7 @@ class SketchTool(StrokeTool):
             )
 
     def overlay(self) -> Overlay:
+        """Returns the stroke and its start. Both change colour if the stroke is closed."""
         if len(self._stroke) < 2:
             return Overlay()
         closed = self._closed

@@ -80,6 +80,9 @@ class MapTool(Tool):
 
     @property
     def hint(self) -> str:
+        """Returns the next step: choose a take, choose a chain of it, or click the ends of a chain of the
+        shape.
+        """
         if self.source.clip is None:
             return "Choose a take in the Source view."
         if self.source.is_choosing or not self.source.chain:
@@ -90,6 +93,11 @@ class MapTool(Tool):
         return tr("On your shape, click the first joint of a chain, then the last joint.") + tail
 
     def press(self, pointer: Pointer) -> bool:
+        """Stores the first joint of a chain. The second click selects the chain, and maps the take's chain to
+        it.
+
+        Returns False for a click on no joint, so that the drag turns the view.
+        """
         hit = self.handle_at(pointer)
         if hit is None or not self.editor.stage_character(hit.character).bones:
             return False
@@ -109,6 +117,7 @@ class MapTool(Tool):
         return True
 
     def type(self, key: str) -> bool:
+        """Maps the last chain in the opposite direction for the key Y."""
         if key == "y" and self._last_chain is not None:
             last = self._last_chain
             self.editor.undo()
@@ -117,11 +126,13 @@ class MapTool(Tool):
         return False
 
     def cancel(self) -> None:
+        """Forgets the chosen joints on the shape and the chosen chain of the take."""
         super().cancel()
         self._chain_start = None
         self.source.forget()
 
     def overlay(self) -> Overlay:
+        """Returns the usual marks. A highlighted match replaces the selected chain."""
         base_overlay = super().overlay()
         if self.highlighted is not None:
             return Overlay(

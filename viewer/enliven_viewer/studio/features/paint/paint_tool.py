@@ -75,6 +75,7 @@ class PaintTool(Tool):
 
     @property
     def hint(self) -> str:
+        """Returns the effect of the brush, or the reason why the shape cannot be painted."""
         character = self.editor.find_selected()
         if character is None or character.mesh is None:
             return "Click a mesh to paint where it is stiff and where it is soft."
@@ -117,9 +118,14 @@ class PaintTool(Tool):
         return ""
 
     def hover(self, pointer: Pointer) -> None:
+        """Stores the pixel of the pointer and the touched point, at which the brush's ring is drawn."""
         self._pointer_position, self._touched_point = pointer.at, self._find_touched_point(pointer)
 
     def press(self, pointer: Pointer) -> bool:
+        """Pauses playback and starts a stroke on the touched mesh, which becomes the selected one.
+
+        Returns False outside of all meshes, so that the drag turns the view.
+        """
         self.editor.playing, self._pointer_position = False, pointer.at
         touched_point = self._find_touched_point(pointer)
         if touched_point is None:
@@ -131,6 +137,11 @@ class PaintTool(Tool):
         return True
 
     def drag(self, pointer: Pointer) -> None:
+        """Extends the stroke to the touched point. Fills gaps with intermediate points, so that fast strokes
+        are solid.
+
+        Across a large gap, such as from a hand to the trunk behind it, no points are added.
+        """
         self._pointer_position = pointer.at
         touched_point = self._find_touched_point(pointer, measure=False)
         if not self._stroke or touched_point is None or touched_point[0] != self.editor.selection.character:
@@ -144,6 +155,7 @@ class PaintTool(Tool):
             self._touched_point = touched_point
 
     def release(self, pointer: Pointer) -> None:
+        """Applies the stroke to the mesh as one edit."""
         stroke, self._stroke = self._stroke, []
         character = self.editor.find_selected()
         if not stroke or character is None or character.mesh is None:
@@ -160,10 +172,12 @@ class PaintTool(Tool):
         )
 
     def cancel(self) -> None:
+        """Drops the unfinished stroke."""
         super().cancel()
         self._stroke = []
 
     def overlay(self) -> Overlay:
+        """Returns the ring of the brush in its colour, and a paler ring at the mirrored place."""
         if self._pointer_position is None:
             return Overlay()
         colour = _find_ring_colour(self._stroke_brush if self._stroke else self.brush)
@@ -193,6 +207,7 @@ class PaintTool(Tool):
         return Overlay(tuple(marks))
 
     def picture(self) -> ToolPicture:
+        """Returns the selected mesh in colours: blue for stiff parts, orange for soft parts, else grey."""
         character = self.editor.find_selected()
         if character is None or character.mesh is None:
             return EMPTY_PICTURE

@@ -58,6 +58,7 @@ class PuppetTool(Tool):
 
     @property
     def hint(self) -> str:
+        """Returns the next step: make a puppet, add control points, or drag them for a key pose."""
         puppets, puppet = self.puppets, self.puppets.puppet
         if self._drag is not None:
             return "Release to keep the change. Shift moves in steps, Esc cancels."
@@ -91,6 +92,10 @@ class PuppetTool(Tool):
         return self._drag
 
     def hover(self, pointer: Pointer) -> None:
+        """Finds the part of the gizmo under the pointer, otherwise the control point, otherwise the vertex.
+
+        On large meshes no vertex is searched, because that would take too long for each movement.
+        """
         standing = self.puppets.stage_puppet
         self.hovered_part, self.hovered_point, self.hovered_vertex = "", None, None
         if standing is None:
@@ -112,6 +117,9 @@ class PuppetTool(Tool):
             self.hovered_vertex = self._vertex_at(standing, pointer)
 
     def press(self, pointer: Pointer) -> bool:
+        """Starts a drag of the gizmo or of a control point. Elsewhere, only the release decides if it was a
+        click.
+        """
         self.hover(pointer)
         puppets, standing = self.puppets, self.puppets.stage_puppet
         self._last_pixel, self._is_turning_view = pointer.at, False
@@ -127,6 +135,7 @@ class PuppetTool(Tool):
         return True
 
     def drag(self, pointer: Pointer) -> None:
+        """Moves the dragged control point. If no point is dragged, turns the view."""
         if self._drag is not None:
             self._drag.drag(pointer)
         elif self._is_turning_view or (self._click is not None and self._is_drag(pointer, self._click)):
@@ -137,6 +146,9 @@ class PuppetTool(Tool):
         self._last_pixel = pointer.at
 
     def release(self, pointer: Pointer) -> None:
+        """Ends the drag as one edit. A click adds a control point, selects another puppet or deselects the
+        point.
+        """
         drag, click = self._drag, self._click
         self._drag = self._click = None
         self._is_turning_view = False
@@ -147,6 +159,10 @@ class PuppetTool(Tool):
         self.hover(pointer)
 
     def type(self, key: str) -> bool:
+        """Handles Escape, Enter (keeps the pose), Delete, R (resets the point) and the arrow keys.
+
+        Arrow keys move the control point in small steps, with Shift in steps that are ten times as large.
+        """
         puppets = self.puppets
         if key == "escape":
             return self._step_back()
@@ -164,18 +180,21 @@ class PuppetTool(Tool):
         return False
 
     def cancel(self) -> None:
+        """Cancels a drag, and keeps the key pose that is being edited."""
         super().cancel()
         self._drag = self._click = None
         self.puppets.clear_drag()
         self.puppets.accept()
 
     def overlay(self) -> Overlay:
+        """Returns the marks of the control points and of the gizmo."""
         standing = self.puppets.stage_puppet
         if standing is None:
             return Overlay()
         return Overlay(make_marks(self, standing, self.editor.lens))
 
     def picture(self) -> ToolPicture:
+        """Returns the geometry for editing the chosen puppet, or nothing if no puppet is chosen."""
         standing = self.puppets.stage_puppet
         return EMPTY_PICTURE if standing is None else make_tool_picture(self, standing, self.editor.lens)
 
