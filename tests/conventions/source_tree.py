@@ -1,6 +1,7 @@
 """Reads the packages of the project: their modules, imports and docstrings.
 
-The order of imports is not checked here, but by the contracts of import-linter in ``pyproject.toml``.
+``pyproject.toml`` holds other rules: import-linter checks the order of imports, and ruff the presence of
+docstrings and the number of statements of a function.
 """
 
 from __future__ import annotations
@@ -66,9 +67,6 @@ class SourceTree:
     def violations(self) -> Iterator[str]:
         """Yields a sentence with advice for each package or import that breaks a rule."""
         for package in sorted(self.packages):
-            text = self.modules[package].read_text(encoding="utf-8")
-            if not ast.get_docstring(ast.parse(text)):
-                yield f"{package} does not say what it is for: write a paragraph at the top of its __init__."
             count = sum(self.package_of(module) == package for module in self.modules.keys() - self.packages)
             if count > MAX_MODULES:
                 advice = "divide it into packages by their purpose"

@@ -112,13 +112,8 @@ def run(
     as_film = not has_display() if film is None else film
     if as_film and film is None:
         print_line("enliven: no display was found, so a film is made instead of opening a window")
-    endless = sensor is not None and not any(text.startswith("rehearse=") for text in option or [])
-    if as_film and endless and seconds is None:
-        seconds = _FILM_SECONDS
-        print_line(
-            f"enliven: a sensor has no end, so the film ends after {seconds:g} s. To change this, "
-            "use --seconds"
-        )
+    if as_film and seconds is None and sensor is not None:
+        seconds = _choose_film_length(option or [])
     if as_film:
         folder.mkdir(exist_ok=True)
     ports = free_ports()
@@ -172,6 +167,20 @@ def run(
         raise typer.Exit(code)
     if as_film:
         print_line(f"enliven: film: {folder / 'enliven.mp4'}, contact sheet: {folder / 'enliven.png'}")
+
+
+def _choose_film_length(sensor_options: list[str]) -> float | None:
+    """Returns the seconds after which the film of a sensor ends, with a message.
+
+    Returns None if the sensor plays a recording, because the film then ends with it.
+    """
+    if any(text.startswith("rehearse=") for text in sensor_options):
+        return None
+    print_line(
+        f"enliven: a sensor has no end, so the film ends after {_FILM_SECONDS:g} s. To change this, "
+        "use --seconds"
+    )
+    return _FILM_SECONDS
 
 
 def _folder_and_outputs(words: list[str]) -> tuple[Path, list[str]]:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from enliven.arrays import Float, Int
+from enliven.arrays import Bool, Float, Int
 from enliven.document import Clip, Skeleton
 from enliven.examples.performer import extract_performer_clip
 from enliven.examples.puppet_examples import IdentityKey
@@ -145,7 +145,6 @@ def guess_joints(
             number. Mirror images follow the corresponding joints of both sides. Points on the plane follow
             middle joints.
     """
-    still_joints = frozenset[str]() if motion is None else motion.still
     rest = np.asarray(rest, np.float64).reshape(-1, 3)
     if len(rest) == 0:
         return ()
@@ -155,59 +154,98 @@ def guess_joints(
     if partners is None and extents[2] > _MIN_DEPTH_RATIO * extents[0]:
         rest = rotate_about_y(rest, -np.pi / 2)
     anatomy = find_anatomy(skeleton)
-    root = skeleton.names[anatomy.trunk[0]]
     level = rotate_about_y(skeleton.positions - skeleton.positions[0], -anatomy.facing)
     level = _extend_arms(level, anatomy)
-    candidates = [
-        candidate
-        for candidate in _joint_costs(anatomy, skeleton)
-        if skeleton.names[candidate.joint] not in taken
-    ]
-    candidates = candidates or _joint_costs(anatomy, skeleton)
     rows_wanted = list(range(len(rest))) if requested_points is None else list(requested_points)
-    immobile = {skeleton.index(name) for name in {*still_joints} - {root}}
-    candidates = _find_usable_candidates(candidates, immobile, rows_wanted, partners, skeleton) or candidates
-    bounds_points, joint_positions = level, _normalize_points(rest, rest[rows_wanted])
-    base = np.zeros(len(joint_positions), np.bool_)
-    long = float(np.ptp(rest[:, [0, 2]], axis=0).max())
+    candidates = _list_candidates(skeleton, anatomy, taken, motion, rows_wanted, partners)
+    points, bounds_points = _normalize_points(rest, rest[rows_wanted]), level
+    base = np.zeros(len(points), np.bool_)
     sides = _point_sides(_normalize_points(rest, rest), partners)
-    if (
-        not _stands_on_feet(_normalize_points(rest, rest), sides)
-        and np.ptp(rest[:, 1]) >= _MIN_UPRIGHT_RATIO * long
-    ):
+    if _stands_on_one_foot(rest, sides):
         # A mesh that stands on a single foot, like a chess piece, has a head and hips, but no legs.
         upper = _upper_body_candidates(candidates, anatomy, skeleton)
-        if len(upper) >= len(joint_positions):
+        if len(upper) >= len(points):
             candidates, bounds_points = upper, level[[candidate.joint for candidate in upper]]
-            base[joint_positions[:, 1].argmin()] = True
+            base[points[:, 1].argmin()] = True
     joints = [candidate.joint for candidate in candidates]
-    point_positions = _normalize_points(bounds_points, level[joints])
-    distances = np.abs(joint_positions[:, None] - point_positions[None]) @ [_WIDTH_WEIGHT, 1.0, _DEPTH_WEIGHT]
-    side_difference = np.abs(sides[rows_wanted][:, None] - [candidate.side for candidate in candidates])
-    feet = foot_joints(skeleton)
-    base_mismatch = (joint_positions[:, 1] < _BASE_HEIGHT_FRACTION)[:, None] != [
-        skeleton.names[joint] in feet for joint in joints
-    ]
-    acting = 1.0 if motion is None else max((motion.relative_variances[name] for name in feet), default=0.0)
-    cost = (
-        distances
-        + [candidate.cost for candidate in candidates]
-        + _WRONG_SIDE_COST * side_difference
-        + _WRONG_GROUND_COST * acting * base_mismatch
-    )
+    joint_positions = _normalize_points(bounds_points, level[joints])
+    cost = _compute_shape_cost(skeleton, candidates, joint_positions, points, sides[rows_wanted], motion)
     if motion is not None:
-        quiet = [
-            _STILL_JOINT_COST * (1.0 - motion.relative_variances[skeleton.names[joint]]) for joint in joints
-        ]
-        cost += np.where(base[:, None], 0.0, quiet)
-    for column, joint in enumerate(joints):
-        if skeleton.names[joint] in still_joints:
-            cost[~base | (joint_positions[:, 1] > _BASE_HEIGHT_FRACTION), column] += _LAST_RESORT_COST
+        _add_motion_cost(cost, [skeleton.names[joint] for joint in joints], points, base, motion)
     rows, columns = _point_units(rows_wanted, partners), [(column,) for column in range(len(joints))]
     if partners is not None:
         columns = _joint_units(joints, anatomy, skeleton)
     chosen = _assign_units(cost, rows, columns)
     return tuple(skeleton.names[joints[chosen[row]]] for row in range(len(rows_wanted)))
+
+
+def _list_candidates(
+    skeleton: Skeleton,
+    anatomy: Anatomy,
+    taken: Collection[str],
+    motion: JointMotion | None,
+    requested_points: Sequence[int],
+    partners: Sequence[int] | None,
+) -> list[_Candidate]:
+    """Returns the joints that are neither taken nor still. If these are too few, includes the others.
+
+    The arguments are those of :func:`guess_joints`.
+    """
+    every = _joint_costs(anatomy, skeleton)
+    candidates = [each for each in every if skeleton.names[each.joint] not in taken] or every
+    still_joints = frozenset[str]() if motion is None else motion.still
+    root = skeleton.names[anatomy.trunk[0]]
+    immobile = {skeleton.index(name) for name in still_joints - {root}}
+    usable = _find_usable_candidates(candidates, immobile, requested_points, partners, skeleton)
+    return usable or candidates
+
+
+def _compute_shape_cost(
+    skeleton: Skeleton,
+    candidates: Sequence[_Candidate],
+    joint_positions: Float,
+    points: Float,
+    sides: Float,
+    motion: JointMotion | None,
+) -> Float:
+    """Returns the costs (P, C) of pairing control points with joints, by position, side and height.
+
+    Args:
+        joint_positions: (C, 3) normalized positions of the candidates.
+        points: (P, 3) normalized positions of the control points.
+        sides: (P,) 1 for points on the left, -1 on the right, 0 in the middle.
+        motion: the less the feet move, the less the height of a point matters. None counts as full motion.
+    """
+    distances = np.abs(points[:, None] - joint_positions[None]) @ [_WIDTH_WEIGHT, 1.0, _DEPTH_WEIGHT]
+    side_difference = np.abs(sides[:, None] - [candidate.side for candidate in candidates])
+    feet = foot_joints(skeleton)
+    base_mismatch = (points[:, 1] < _BASE_HEIGHT_FRACTION)[:, None] != [
+        skeleton.names[candidate.joint] in feet for candidate in candidates
+    ]
+    acting = 1.0 if motion is None else max((motion.relative_variances[name] for name in feet), default=0.0)
+    return np.asarray(
+        distances
+        + [candidate.cost for candidate in candidates]
+        + _WRONG_SIDE_COST * side_difference
+        + _WRONG_GROUND_COST * acting * base_mismatch
+    )
+
+
+def _add_motion_cost(
+    cost: Float, names: Sequence[str], points: Float, base: Bool, motion: JointMotion
+) -> None:
+    """Adds the costs of joints that move little or not at all to the matrix ``cost`` (P, C).
+
+    Args:
+        names: (C,) names of the joints.
+        points: (P, 3) normalized positions of the control points.
+        base: (P,) True for the foot of a mesh that stands on a single foot. It may follow a still joint.
+    """
+    quiet = [_STILL_JOINT_COST * (1.0 - motion.relative_variances[name]) for name in names]
+    cost += np.where(base[:, None], 0.0, quiet)
+    needs_motion = ~base | (points[:, 1] > _BASE_HEIGHT_FRACTION)
+    is_still = np.array([name in motion.still for name in names])
+    cost[np.outer(needs_motion, is_still)] += _LAST_RESORT_COST
 
 
 def mirror_joint(skeleton: Skeleton, name: str) -> str:
@@ -375,15 +413,17 @@ def _limb_joints(limb: SkeletonLimb) -> tuple[int, ...]:
     return limb.chain[max(limb.start, 1) :]
 
 
-def _stands_on_feet(points: Float, sides: Float) -> bool:
-    """Returns True if points of both sides are close to the ground, or if no point is close to the ground.
+def _stands_on_one_foot(rest: Float, sides: Float) -> bool:
+    """Returns True if an upright mesh has points close to the ground, but not on both sides.
 
     Args:
-        points: (N, 3) positions as fractions of the body's height.
+        rest: (N, 3) metres, all control points.
         sides: (N,) 1 and -1 for the two sides, 0 for the middle.
     """
-    low = sides[points[:, 1] < _BASE_HEIGHT_FRACTION]
-    return not len(low) or {1.0, -1.0} <= set(low.tolist())
+    low = sides[_normalize_points(rest, rest)[:, 1] < _BASE_HEIGHT_FRACTION]
+    length, height = float(np.ptp(rest[:, [0, 2]], axis=0).max()), float(np.ptp(rest[:, 1]))
+    is_on_feet = not len(low) or {1.0, -1.0} <= set(low.tolist())
+    return not is_on_feet and height >= _MIN_UPRIGHT_RATIO * length
 
 
 def _upper_body_candidates(found: list[_Candidate], anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:

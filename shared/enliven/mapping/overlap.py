@@ -112,7 +112,7 @@ def _adjacent_bones(shape: RiggedCharacter) -> Bool:
 
 
 @njit(cache=True, nogil=True)
-def compute_winding_numbers(points, corners, bones, axis, cells, numbers, exits, ways):
+def compute_winding_numbers(points, corners, bones, axis, cells, numbers, exits, ways):  # noqa: PLR0915, a kernel
     """Computes the winding numbers of the surface about points, along rays parallel to an axis.
 
     Args:

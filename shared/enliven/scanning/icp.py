@@ -80,7 +80,7 @@ def interpolate_field(field, x, y, z, found, last):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def accumulate_normal_equations(points, stride, span, pose, soft, field, closely, sums, first, last):
+def accumulate_normal_equations(points, stride, span, pose, soft, field, closely, sums, first, last):  # noqa: PLR0915, a kernel
     """Accumulates the normal equations of the points in some rows of a half-size image.
 
     The residual of a point is the volume's signed distance at the point. The derivative for a motion of the

@@ -57,33 +57,8 @@ def train_estimator(
       enliven train-estimator -o small.onnx --pictures 8000 --steps 500     a lesser one, in four minutes
       enliven train-estimator --start estimator.onnx -o better.onnx --pictures 40000 --steps 2400 --share 0.4
     """
-    if output.suffix != ".onnx":
-        raise InputError(
-            "the network file must have the suffix .onnx",
-            where=str(output),
-            remedy="Choose a name that ends in .onnx.",
-        )
-    if output.exists() and not overwrite:
-        raise InputError(
-            "the file exists already", where=str(output), remedy="Add --overwrite to replace it."
-        )
-    if not output.absolute().parent.is_dir():
-        raise InputError(
-            "this folder does not exist", where=str(output.parent), remedy="Create the folder first."
-        )
-    if start is not None and not start.is_file():
-        raise InputError(
-            "this network file does not exist", where=str(start), remedy="Choose an existing .onnx file."
-        )
-    try:
-        for package in ("torch", "onnx", "onnxscript"):
-            import_module(package)
-    except ModuleNotFoundError as missing:
-        raise InputError(
-            f"training needs {missing.name}, which is not installed",
-            where="train-estimator",
-            remedy='Install it: pip install "enliven-synthesis[training]".',
-        ) from None
+    _check_paths(output, start, overwrite)
+    _require_training_packages()
     from enliven_synthesis.training.dataset import Dataset, render_dataset
     from enliven_synthesis.training.pose_network.quantisation import quantise
     from enliven_synthesis.training.pose_network.training import (
@@ -128,3 +103,38 @@ def train_estimator(
         f"fraction of correct results: facing {scores.facing:.3f}, parts {scores.parts:.3f}, people "
         f"{scores.persons:.3f}"
     )
+
+
+def _check_paths(output: Path, start: Path | None, overwrite: bool) -> None:
+    """Raises InputError if the network cannot be written to ``output``, or if ``start`` is missing."""
+    if output.suffix != ".onnx":
+        raise InputError(
+            "the network file must have the suffix .onnx",
+            where=str(output),
+            remedy="Choose a name that ends in .onnx.",
+        )
+    if output.exists() and not overwrite:
+        raise InputError(
+            "the file exists already", where=str(output), remedy="Add --overwrite to replace it."
+        )
+    if not output.absolute().parent.is_dir():
+        raise InputError(
+            "this folder does not exist", where=str(output.parent), remedy="Create the folder first."
+        )
+    if start is not None and not start.is_file():
+        raise InputError(
+            "this network file does not exist", where=str(start), remedy="Choose an existing .onnx file."
+        )
+
+
+def _require_training_packages() -> None:
+    """Raises InputError if a package that only the training needs is not installed."""
+    try:
+        for package in ("torch", "onnx", "onnxscript"):
+            import_module(package)
+    except ModuleNotFoundError as missing:
+        raise InputError(
+            f"training needs {missing.name}, which is not installed",
+            where="train-estimator",
+            remedy='Install it: pip install "enliven-synthesis[training]".',
+        ) from None

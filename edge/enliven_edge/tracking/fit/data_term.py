@@ -86,7 +86,7 @@ def _by_capsule(which, seen, count):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-def _moments(squares, firsts, powers, points, span, axis, width):
+def _moments(squares, firsts, powers, points, span, axis, width):  # noqa: PLR0915, a kernel
     """Computes the moments of a capsule's points with robust weights.
 
     Returns (energy, points within ``width``).

@@ -59,7 +59,7 @@ _FLOOR_TOLERANCE_M = 0.02
 
 
 @njit(cache=True, nogil=True)
-def free_space(sums, surface, view, weight, width, samples, violated):
+def free_space(sums, surface, view, weight, width, samples, violated):  # noqa: PLR0915, a kernel
     """Adds the free-space term, which moves limbs out of the free space in front of the observed depth.
 
     Points along every capsule's axis are projected into the image. A point outside the person's silhouette is

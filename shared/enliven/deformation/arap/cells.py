@@ -183,7 +183,7 @@ def _gather_spread(cells, frames, spread, at, count):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _squash_and_stretch(block, exaggeration, most):
+def _squash_and_stretch(block, exaggeration, most):  # noqa: PLR0915, a kernel
     """Computes rows 0 to 8 of ``block`` = V_i R_i, and row 9 = s - 1, from covariances, rotations and sizes.
 
     The block is one array with constant strides, and the loop has no branch, so the compiler vectorizes it.

@@ -36,7 +36,7 @@ _MAX_UNRELIABLE_DERIVATIVE = 0.05
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _polar_fast(block):
+def _polar_fast(block):  # noqa: PLR0915, a kernel
     """Computes the rows R, TRACE and ROOT_DERIVATIVE of a block from its rows S, by Laguerre's method."""
     for n in range(64):
         a, b, c = block[n], block[n + 3 * 64], block[n + 6 * 64]

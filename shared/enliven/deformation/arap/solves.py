@@ -67,7 +67,7 @@ def solve_forward(factor, z, room):
 
 
 @njit(cache=True, nogil=True)
-def solve_backward(factor, z, room):
+def solve_backward(factor, z, room):  # noqa: PLR0915, a kernel
     """Replaces z by C⁻ᵀ z. The arguments are those of :func:`solve_forward`."""
     first, row_start, rows, values = factor.first, factor.row_start, factor.rows, factor.values
     for s in range(len(first) - 2, -1, -1):

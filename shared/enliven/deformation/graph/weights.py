@@ -168,7 +168,7 @@ def _mean_weights(nodes, shares, starts, around, metres, radius, count):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _compute_vertex_weights(
+def _compute_vertex_weights(  # noqa: PLR0915, a kernel
     vertices, starts, order, points, nodes, shares, offsets, around, metres, cells, k
 ):
     """Returns (V, 4) uint16 nodes and (V, 4) float32 weights of the vertices, averaged over the points of the

@@ -100,6 +100,40 @@ class StudioWindow:
                 image.
             register_tests: registers scripted tests of the window with ImGui's test engine.
         """
+        runner = self._make_runner(register_tests)
+        end = None if seconds is None else time.monotonic() + seconds
+        may_idle = register_tests is None and before is None
+
+        def start_frame() -> None:
+            if parent_is_gone() or (end is not None and time.monotonic() > end):
+                self.close()
+            if is_minimised(glfw_window_hello_imgui()):
+                time.sleep(_MINIMISED_SLEEP_S)
+            runner.fps_idling.enable_idling = may_idle and self._idle
+            if self._theme != get_theme()[0]:
+                self._theme = get_theme()[0]
+                apply_colours()
+            if before is not None:
+                before(self)
+
+        def end_frame() -> None:
+            self.pictures += 1
+            if after is not None:
+                after(self)
+
+        runner.callbacks.pre_new_frame, runner.callbacks.before_swap = start_frame, end_frame
+        try:
+            self._run_until_closed(runner)
+        finally:
+            # One of the tasks turns a running recording into an edit.
+            for stop in reversed(self.workspace.closing_tasks):
+                stop()
+            if not self.workspace.ended:
+                # Write a recovery file, because the user was not asked whether to save.
+                self.workspace.store.autosave_now()
+
+    def _make_runner(self, register_tests: Callable[[], None] | None) -> hello_imgui.RunnerParams:
+        """Returns the settings and the callbacks of the window, except those at start and end of a frame."""
         settings = self.workspace.editor.settings
         runner = hello_imgui.RunnerParams()
         runner.app_window_params.window_title = self.opening.title
@@ -126,27 +160,15 @@ class StudioWindow:
         if register_tests is not None:
             runner.use_imgui_test_engine = True
             calls.register_tests = register_tests
-        end = None if seconds is None else time.monotonic() + seconds
-
-        def first() -> None:
-            if parent_is_gone() or (end is not None and time.monotonic() > end):
-                self.close()
-            if is_minimised(glfw_window_hello_imgui()):
-                time.sleep(_MINIMISED_SLEEP_S)
-            runner.fps_idling.enable_idling = register_tests is None and before is None and self._idle
-            if self._theme != get_theme()[0]:
-                self._theme = get_theme()[0]
-                apply_colours()
-            if before is not None:
-                before(self)
-
-        def last() -> None:
-            self.pictures += 1
-            if after is not None:
-                after(self)
-
-        calls.pre_new_frame, calls.before_swap = first, last
         calls.post_new_frame = lambda: self.desktop.lay_out() if self.desktop else None
+        return runner
+
+    def _run_until_closed(self, runner: hello_imgui.RunnerParams) -> None:
+        """Shows the window. If an error ends it, saves a recovery file.
+
+        Raises:
+            ResourceError: if the window cannot be opened.
+        """
         try:
             hello_imgui.run(runner)
         except RuntimeError as error:
@@ -159,13 +181,6 @@ class StudioWindow:
             self.workspace.recording.stop()
             self.workspace.store.autosave_now()
             raise
-        finally:
-            # One of the tasks turns a running recording into an edit.
-            for stop in reversed(self.workspace.closing_tasks):
-                stop()
-            if not self.workspace.ended:
-                # Write a recovery file, because the user was not asked whether to save.
-                self.workspace.store.autosave_now()
 
     def close(self) -> None:
         """Closes the window after this frame."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from enliven.document import Project, RiggedCharacter
+from enliven.document import Clip, Project, RiggedCharacter
 from enliven.errors import EnlivenError, InputError
 from enliven.mapping.automatic_mapping import RetargetedShape, create_automatic_plan, play_own_take, retarget
 from enliven.mapping.model_clips import find_played_clip, is_own_take, list_own_clips, loop_takes, mute_takes
@@ -169,9 +169,8 @@ class MapTool(Tool):
             return
 
         old_project, gentle, loop = editor.project, self.gentle, self.loop
-        itself = is_own_take(clip, shape)
         plan = replace(create_automatic_plan(clip, shape), **vars(self.whole_body))
-        if not (itself or plan.chains):
+        if not (is_own_take(clip, shape) or plan.chains):
             remedy = tr("Map the take chain by chain, or press Matches at another moment of the take.")
             error = InputError(
                 tr("no limb of the take fits a limb of the shape"), where=clip.id, remedy=remedy
@@ -180,18 +179,7 @@ class MapTool(Tool):
             return
 
         def fitted(project: Project) -> RetargetedShape:
-            """Returns the shape with the take in place of its previous motion."""
-            muted = mute_takes(project, shape.id)
-            still_shape = muted.shape(shape.id)
-            if itself:
-                retargeted = play_own_take(still_shape, clip, muted)
-            else:
-                used_plan = soften_plan(plan, clip, still_shape) if gentle else plan
-                clips = [project.takes[name] for name in list_own_clips(project, project.shape(shape.id))]
-                retargeted = retarget(still_shape, clip, used_plan, muted, clips)
-            return (
-                replace(retargeted, project=loop_takes(retargeted.project, shape.id)) if loop else retargeted
-            )
+            return _replace_motion(project, shape, clip, plan, gentle=gentle, loop=loop)
 
         def work() -> tuple[RetargetedShape, MotionQuality]:
             retargeted = fitted(old_project)
@@ -207,20 +195,10 @@ class MapTool(Tool):
 
             if editor.edit(later("map all of {0}", clip.id), change):
                 self._last_chain, self.last_mapping = None, (shape.id, clip.id, retargeted.plan, quality)
-                count = len(retargeted.limited)
-                limited_text = (
-                    " "
-                    + tr_n(
-                        "{0} joint was kept within its limits.",
-                        "{0} joints were kept within their limits.",
-                        count,
-                    )
-                    if count
-                    else ""
-                )
                 editor.toasts.show_message(
                     tr("{0} now moves the whole shape {1}", clip.id, shape.id),
-                    tr("Space plays the motion, Ctrl+Z undoes the mapping.") + limited_text,
+                    tr("Space plays the motion, Ctrl+Z undoes the mapping.")
+                    + _describe_limited_joints(len(retargeted.limited)),
                 )
 
         editor.background.begin(tr("Fitting {0} to {1}", clip.id, shape.id), work, then)
@@ -280,3 +258,32 @@ def _remove_clip(project: Project, shape_id: str) -> Project:
     """
     plays = find_played_clip(project, project.shape(shape_id)) is not None
     return mute_takes(project, shape_id) if plays else project
+
+
+def _replace_motion(
+    project: Project, shape: RiggedCharacter, clip: Clip, plan: Plan, *, gentle: bool, loop: bool
+) -> RetargetedShape:
+    """Returns the shape with the take in place of its previous motion.
+
+    Args:
+        gentle: limbs that would stretch the surface move less.
+        loop: the take repeats.
+    """
+    muted = mute_takes(project, shape.id)
+    still_shape = muted.shape(shape.id)
+    if is_own_take(clip, shape):
+        retargeted = play_own_take(still_shape, clip, muted)
+    else:
+        used_plan = soften_plan(plan, clip, still_shape) if gentle else plan
+        clips = [project.takes[name] for name in list_own_clips(project, project.shape(shape.id))]
+        retargeted = retarget(still_shape, clip, used_plan, muted, clips)
+    return replace(retargeted, project=loop_takes(retargeted.project, shape.id)) if loop else retargeted
+
+
+def _describe_limited_joints(count: int) -> str:
+    """Returns a sentence with a space before it, or an empty text if no joint was limited."""
+    if not count:
+        return ""
+    return " " + tr_n(
+        "{0} joint was kept within its limits.", "{0} joints were kept within their limits.", count
+    )

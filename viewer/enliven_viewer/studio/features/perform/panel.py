@@ -153,14 +153,7 @@ def _shorten_address(address: str) -> str:
 def _draw_stage_options(app: App, perform: PerformSession, area: Area) -> None:
     """Draws the options for connecting to a stage. No widget moves when cameras are found."""
     draw_heading("Stage")
-    state_text, colour = describe_stage(perform)
-    position = imgui.get_cursor_screen_pos()
-    draw_list = imgui.get_window_draw_list()
-    draw_list.add_circle_filled(ImVec2(position.x + 5, position.y + 9), 4.5, pack_colour(colour))
-    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + 18)
-    imgui.push_text_wrap_pos(0.0)
-    imgui.text_unformatted(state_text)
-    imgui.pop_text_wrap_pos()
+    _draw_state_line(perform)
     draw_cameras(app, area)
     perform.voice.wanted_state = imgui.checkbox(
         labelled(tr("Voice: also open the microphone"), "Voice: also open the microphone"),
@@ -170,6 +163,12 @@ def _draw_stage_options(app: App, perform: PerformSession, area: Area) -> None:
     draw_tooltip(
         "You can then speak commands; the sound stays on this computer. The panel lists the commands"
     )
+    _draw_remote_cameras(app, perform)
+    _draw_camera_replacements(app, perform)
+
+
+def _draw_remote_cameras(app: App, perform: PerformSession) -> None:
+    """Draws the edges on the network, a field for an address, and the addresses of earlier connections."""
     draw_heading("A camera on another computer")
     draw_edge_list(app)
     draw_note("Address of the computer with the camera. Or let a recorded person perform here.")
@@ -186,6 +185,10 @@ def _draw_stage_options(app: App, perform: PerformSession, area: Area) -> None:
         if imgui.selectable(f"{address}###known {address}", False)[0]:
             app.run_and_report(partial(perform.connect, address))
         app.remember(f"known {address}")
+
+
+def _draw_camera_replacements(app: App, perform: PerformSession) -> None:
+    """Draws the sources of performers that need no depth camera: recordings, a webcam, a simulation."""
     draw_heading("No camera here?")
     if imgui.button(labelled(tr("A recorded person"), "A recorded person"), _FULL_WIDTH):
         app.run_and_report(lambda: perform.connect_local("--loop"))
@@ -226,11 +229,7 @@ def _draw_stage_state(app: App, perform: PerformSession, live: LiveStage, area: 
     imgui.begin_child(
         "##state", ImVec2(0, _TALL_STATUS_HEIGHT if roomy else _STATUS_HEIGHT), imgui.ChildFlags_.frame_style
     )
-    state_text, colour = describe_stage(perform)
-    position, draw_list = imgui.get_cursor_screen_pos(), imgui.get_window_draw_list()
-    draw_list.add_circle_filled(ImVec2(position.x + 5, position.y + 9), 4.5, pack_colour(colour))
-    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + 18)
-    _draw_wrapped_text(state_text)
+    _draw_state_line(perform)
     edge = live.document.edge
     with use_small_text():
         if perform.connected and edge.message:
@@ -242,6 +241,15 @@ def _draw_stage_state(app: App, perform: PerformSession, live: LiveStage, area: 
             draw_note(state.remedy)
     imgui.end_child()
     app.remember("stage state")
+
+
+def _draw_state_line(perform: PerformSession) -> None:
+    """Draws the state of the stage with a coloured dot before it."""
+    state_text, colour = describe_stage(perform)
+    position, draw_list = imgui.get_cursor_screen_pos(), imgui.get_window_draw_list()
+    draw_list.add_circle_filled(ImVec2(position.x + 5, position.y + 9), 4.5, pack_colour(colour))
+    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + 18)
+    _draw_wrapped_text(state_text)
 
 
 def _draw_wrapped_text(text: str) -> None:
