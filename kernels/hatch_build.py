@@ -11,6 +11,8 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 FOLDER = "ENLIVEN_KERNELS"
 """Environment variable with the folder of the compiled kernels; without it the wheel is empty."""
+MACHINE = "ENLIVEN_KERNELS_MACHINE"
+"""Environment variable with the machine of kernels that another machine compiled, such as aarch64."""
 
 
 class CompiledKernels(BuildHookInterface):
@@ -28,10 +30,10 @@ class CompiledKernels(BuildHookInterface):
 
 
 def wheel_tag() -> str:
-    """Returns the tag of wheels for this interpreter, platform and processor family."""
+    """Returns the tag of wheels for this interpreter, this operating system and the kernels' machine."""
     python = f"cp{sys.version_info.major}{sys.version_info.minor}"
     system = sysconfig.get_platform().replace("-", "_").replace(".", "_")
     if sys.platform == "linux":
         # Machine code of kernels calls nothing of the C library that is newer than Numba's own wheels.
-        system = f"manylinux_2_28_{platform.machine()}"
+        system = f"manylinux_2_28_{os.environ.get(MACHINE, platform.machine())}"
     return f"{python}-{python}-{system}"

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import platform
 import re
 import shutil
 import subprocess
@@ -59,6 +60,10 @@ EXAMPLES = (
 )
 """Scripts of ``examples/`` that need no user files. They compile the kernels that the main job does not
 use."""
+CROSS_MACHINE = "aarch64"
+"""Machine for which kernels are cross-compiled, as in the tags of wheels."""
+CROSS_COMPILER = ROOT / "scripts" / "cross_kernels.py"
+"""Program that compiles kernels for this machine."""
 MAX_COMPILED_KERNELS = 0
 """Maximum number of kernels that an installed edge may compile in the main job. A release with shipped
 kernels compiles none."""
@@ -262,7 +267,8 @@ def build_kernels(built: Path, of: str) -> Iterator[str]:
     """Compiles the kernels of all jobs for each processor level, and builds the wheel that contains them.
 
     It runs the jobs of the trial and the examples in an environment with the release's wheels. The levels are
-    those that this processor supports. Code for a lower level also runs on it.
+    those that this processor supports. Code for a lower level also runs on it. On Linux, a second wheel
+    contains the same kernels for aarch64.
     """
     with tempfile.TemporaryDirectory() as empty:
         environment = Environment(Path(empty, "kernels"), built, INSTALLS["studio"], of)
@@ -273,8 +279,14 @@ def build_kernels(built: Path, of: str) -> Iterator[str]:
             count = len(list(folder.glob("*.kernel")))
             yield f"kernels for {level}: {count} files so far, {time.monotonic() - began:.0f} s"
         build_wheel("kernels", built, ENLIVEN_KERNELS=str(folder))
-        (wheel,) = (path for path in built.glob("enliven_kernels-*.whl") if "-none-any" not in path.name)
-        yield f"{wheel.name}: {wheel.stat().st_size / 1e6:.1f} MB"
+        if sys.platform == "linux" and platform.machine() != CROSS_MACHINE:
+            began, arm = time.monotonic(), Path(empty, CROSS_MACHINE)
+            environment.cross_compile(folder, arm)
+            build_wheel("kernels", built, ENLIVEN_KERNELS=str(arm), ENLIVEN_KERNELS_MACHINE=CROSS_MACHINE)
+            count = len(list(arm.glob("*.kernel")))
+            yield f"kernels for {CROSS_MACHINE}: {count} files, {time.monotonic() - began:.0f} s"
+        for wheel in sorted(built.glob("enliven_kernels-*-cp*.whl")):
+            yield f"{wheel.name}: {wheel.stat().st_size / 1e6:.1f} MB"
 
 
 class Environment:
@@ -323,6 +335,10 @@ class Environment:
         for name in EXAMPLES:
             self._run(str(self._bin / "python"), str(ROOT / "examples" / f"{name}.py"))
         self._enliven(*FILM)
+
+    def cross_compile(self, folder: Path, into: Path) -> None:
+        """Compiles the kernels of a folder for aarch64."""
+        self._run(str(self._bin / "python"), str(CROSS_COMPILER), str(folder), str(into))
 
     def _bytes(self, pattern: str = "*") -> int:
         return sum(path.lstat().st_size for path in self.place.rglob(pattern) if path.is_file())

@@ -17,7 +17,7 @@ _PROCESSOR_LEVELS = {
 See the x86-64 psABI, section 3.1.1. Level 4 (AVX-512) is left out, because LLVM uses 256-bit vectors on it,
 too.
 """
-_ARM_PROCESSOR = "generic"
+ARM_PROCESSOR = "generic"
 """LLVM's name for ARMv8-A with Neon, which every 64-bit ARM processor has."""
 
 _chosen_target: dict[str, bool] = {}
@@ -31,7 +31,7 @@ def processor_levels() -> tuple[str, ...]:
     other architectures."""
     machine = platform.machine().lower()
     if machine in ("aarch64", "arm64"):
-        return (_ARM_PROCESSOR,)
+        return (ARM_PROCESSOR,)
     if machine not in ("x86_64", "amd64"):
         return ()
     features = llvmlite.binding.get_host_cpu_features()
