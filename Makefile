@@ -36,7 +36,7 @@ test-matrix: setup-dev ## the tests as on other processors and in other orders: 
 test-bare:       ## both commands in bare Debians 12 and 13 and Ubuntu 24.04 (as root): make test-bare ONLY=noble
 	@sh scripts/test_bare.sh $(ONLY)
 
-test-arm: setup-dev ## the numeric core's tests as an aarch64 processor would run them (as root; slow)
+test-arm: setup-dev ## the numeric core's tests on an emulated aarch64, or with ONLY=release the edge of make release (as root; slow)
 	@sh scripts/test_arm.sh $(ONLY)
 
 test-web: setup-dev ## exported files, and the web page, in Chromium (npm and chromium; pictures in out/web/pictures)

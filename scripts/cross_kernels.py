@@ -43,7 +43,7 @@ def choose_arm(folder: Path) -> None:
     target = llvmlite.binding.Target.from_triple(TRIPLE)
     llvmlite.binding.get_process_triple = lambda: TRIPLE
     llvmlite.binding.Target.from_default_triple = classmethod(lambda kind: target)
-    # Numba reads its variables again whenever one of them changes, so they are set instead of the configuration.
+    # Numba reads all variables again whenever one changes. That would overwrite a changed configuration.
     os.environ |= {"NUMBA_CPU_NAME": ARM_PROCESSOR, "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(folder)}
     numba.core.config.reload_config()
 

@@ -63,7 +63,7 @@ use."""
 CROSS_MACHINE = "aarch64"
 """Machine for which kernels are cross-compiled, as in the tags of wheels."""
 CROSS_COMPILER = ROOT / "scripts" / "cross_kernels.py"
-"""Program that compiles kernels for this machine."""
+"""Program that compiles kernels for that machine."""
 MAX_COMPILED_KERNELS = 0
 """Maximum number of kernels that an installed edge may compile in the main job. A release with shipped
 kernels compiles none."""
