@@ -4,7 +4,7 @@
 # kernels are kept, so that a second run takes a fraction of the first.
 # Usage, as root: test_arm.sh [FILE ...]
 #              or test_arm.sh release    runs the edge of a release with its compiled kernels
-#   ENLIVEN_BARE  the folder of the root (out/bare), made once;  LIMIT  seconds a file or the edge may take (900)
+#   ENLIVEN_BARE  the folder of the root (out/bare), made once;  LIMIT  seconds a file (900) or the edge (1800) may take
 #   ARCHIVES      the folder of the release's wheels (out/release/archives)
 set -eu
 cd "$(dirname "$0")/.."
@@ -78,7 +78,7 @@ emulate() {
 
 try_release() {
     # The edge of the release: it must compile nothing, and its poses must match those of the system test.
-    kernels=$roots/arm-tmp/kernels take=$roots/arm-tmp/take.mcap began=$(date +%s)
+    kernels=$roots/arm-tmp/kernels take=$roots/arm-tmp/take.mcap began=$(date +%s) LIMIT=${LIMIT:-1800}
     install_release "$roots/arm-release"
     rm -rf "$kernels" "$take"
     (
