@@ -33,6 +33,7 @@ def test_a_shipped_file_is_loaded(path):
     assert bool(loaded.space) == (len(loaded.sensors) > 1)
 
 
+@pytest.mark.slow
 def test_shipped_two_sensor_settings_give_a_fused_sensor():
     path = EDGES / "two-sensors.toml"
     loaded = load_settings(EdgeSettings, path)

@@ -128,6 +128,7 @@ def test_silent_sensor_is_reported_while_it_is_silent(outlet):
     assert state.kind == HealthKind.NO_FRAMES and state.severity == 2
 
 
+@pytest.mark.slow
 def test_request_makes_the_edge_learn_the_room_again(outlet):
     with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(120)]

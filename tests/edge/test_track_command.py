@@ -42,6 +42,7 @@ def depth(tmp_path):
     return tmp_path / "depth.mcap"
 
 
+@pytest.mark.slow
 def test_depth_becomes_a_take(depth, tmp_path):
     take = tmp_path / "bodies.mcap"
     assert f"{FRAMES} frames of bodies, 1 person" in run(depth, "-o", take)
@@ -62,6 +63,7 @@ def test_depth_becomes_a_take(depth, tmp_path):
     assert take.read_bytes() == before and not list(tmp_path.glob("*.part"))
 
 
+@pytest.mark.slow
 def test_person_at_the_start_is_found_in_the_first_image(depth, tmp_path):
     run(depth, "-o", tmp_path / "bodies.mcap")
     assert all(len(frame.bodies) == 1 for frame in Recording(tmp_path / "bodies.mcap").frames())

@@ -175,6 +175,7 @@ def test_an_animation_that_lasts_for_years_is_refused(tmp_path):
         read_gltf(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [13_000, 17_000])
 def test_image_with_false_size_is_left_out(tmp_path, side):
     out = io.BytesIO()

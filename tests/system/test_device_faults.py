@@ -46,6 +46,7 @@ def run(hook: Path, path: Path, number: int, first: int, *words: str | Path) -> 
     return shown.returncode, shown.stdout + shown.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "words"),
     [

@@ -183,6 +183,7 @@ def test_late_reply_is_not_a_fault(edge: HostileEdge, forgotten: str) -> None:
     assert replies[1] == requests.Done() and own.health().malformed == before
 
 
+@pytest.mark.slow
 def test_a_poll_ends_in_bounded_time_under_a_flood(edge: HostileEdge) -> None:
     message = pack_stream(streams.BodiesMessage(1, 2, [streams.PackedBody(3, bytes(120), bytes(20))] * 20))
     longest = []

@@ -106,6 +106,7 @@ def put_box(exposed: ExposedEdge, artist: EdgeClient) -> None:
     assert answers == [Done()]
 
 
+@pytest.mark.slow
 def test_artist_continues_with_a_restarted_edge() -> None:
     """The artist's revision is higher than a new edge accepts as the first one."""
     exposed = ExposedEdge()

@@ -87,6 +87,7 @@ def greens(picture: np.ndarray) -> int:
     return int(((green > 1.15 * red) & (green > 1.1 * blue)).sum())
 
 
+@pytest.mark.slow
 def test_missing_physics_engine_is_reported_with_the_install_command(tmp_path):
     """The physics engine is an optional extra, which is not installed here."""
     blind = "import importlib.util as u, sys; find = u.find_spec\n"

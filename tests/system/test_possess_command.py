@@ -119,6 +119,7 @@ def test_recording_without_attachments_has_motion_and_no_performers():
     assert all(part.possession is None for shape in project.graphs.values() for part in shape.parts)
 
 
+@pytest.mark.slow
 def test_late_viewer_receives_attachments_and_removals(tmp_path):
     wire = WireSettings(name=f"holds-{time.time_ns()}", port=0, control_port=0)
     with Outlet(wire, "performers", record=tmp_path / "take.mcap") as outlet:

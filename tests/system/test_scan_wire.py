@@ -92,6 +92,7 @@ def test_scan_starts_grows_is_undone_and_becomes_a_character(running, frames) ->
     assert running.get_scan_message().fused > before and list(running.stage.characters) == ["box"]
 
 
+@pytest.mark.slow
 def test_impossible_scan_gives_the_reason_and_cancelled_scan_is_gone(running, frames) -> None:
     viewer = running.viewer()
     running.ask(Scan("start", voxel=0.016))
@@ -117,6 +118,7 @@ def test_impossible_scan_gives_the_reason_and_cancelled_scan_is_gone(running, fr
         running.edge.carry_out(Scan("done"))
 
 
+@pytest.mark.slow
 def test_turning_object_is_scanned_in_fine_voxels(running, frames) -> None:
     viewer = running.viewer()
     running.ask(Scan("start", voxel=0.016, mode=ScanMode.TURNED))

@@ -97,6 +97,7 @@ def test_a_read_that_never_returns_is_ended_by_sigterm_and_the_take_is_whole(tmp
     assert recording.info.complete and len(list(recording.messages("bodies"))) == 30
 
 
+@pytest.mark.slow
 def test_recording_continues_over_every_sensor_fault(tmp_path, installed):
     options = ["--set", "frames=60", "--set", f"faults={FAULTS}"]
     asked = command("record", "--sensor", "troubled", *options, "-o", str(tmp_path / "a.mcap"))

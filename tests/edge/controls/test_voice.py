@@ -85,6 +85,7 @@ def test_most_commands_are_heard_and_none_is_taken_for_another(recogniser):
     assert right >= 7
 
 
+@pytest.mark.slow
 @spoken
 def test_two_commands_in_a_row_are_both_recognised(recogniser):
     assert heard(recogniser, said("puppet let it go") + said("puppet follow my pose")) == [
@@ -181,6 +182,7 @@ def written(path: Path, sound: bytes, rate: int = RATE, channels: int = 1) -> Pa
     return path
 
 
+@pytest.mark.slow
 @spoken
 def test_recording_replaces_the_microphone(tmp_path, caplog):
     caplog.set_level(logging.INFO)

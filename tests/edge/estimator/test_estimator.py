@@ -51,6 +51,7 @@ def judged(told: bool) -> tuple[np.ndarray, np.ndarray]:
     return np.stack(off), np.stack([e.expected_errors for _, e in seen])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("told", "least"), [(True, WITHIN_TOLD), (False, WITHIN_NOT_TOLD)])
 def test_joints_are_found_in_fresh_pictures(told, least):
     off, _ = judged(told)

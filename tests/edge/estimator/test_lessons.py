@@ -94,6 +94,7 @@ def shares(cases) -> tuple[float, float]:
     return float(np.mean(own)), float(np.mean(other))
 
 
+@pytest.mark.slow
 def test_the_same_dice_make_the_same_lesson(every_lesson):
     """The result does not depend on the images that were rendered before."""
     studio = PersonRenderer()
@@ -130,6 +131,7 @@ def test_parts_are_where_the_person_is(lessons):
     assert len(right) > 0.8 * len(lessons), "few are seen so patchily that no cell is all theirs"
 
 
+@pytest.mark.slow
 def test_an_album_is_the_same_by_however_many_processes(folder, tmp_path):
     progress = render(tmp_path, processes=3)
     assert sorted(progress) == [1, 3, 3, 3], "ten lessons"

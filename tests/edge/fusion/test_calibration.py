@@ -69,6 +69,7 @@ def changed(stream: BodyStream, transform: np.ndarray) -> BodyStream:
     return dataclasses.replace(stream, tracks=tracks)
 
 
+@pytest.mark.slow
 def test_exact_bodies_give_exact_places_and_clocks():
     calibration = calibrate(streams([Walker()], [A, B], clocks=[10.0, 13.25]))
     assert calibration.is_good and calibration.advice == []
@@ -114,6 +115,7 @@ def test_the_clocks_difference_is_found(clock):
     assert calibration.clock_offset_ns["b"] == pytest.approx(-(3.0 + clock) * 1e9, abs=2e5)
 
 
+@pytest.mark.slow
 def test_noise_does_not_pull_the_clock_between_frames():
     """Interpolated joints are less noisy halfway between frames, which must not bias the time offset."""
     calibration = calibrate(streams([Walker(WalkPath(16, 1.6, 0.9))], [A, B], noise=0.03))
@@ -157,6 +159,7 @@ def test_outlier_joints_are_ignored():
     assert errors(calibrate([a, b]), [A, B])[1] == pytest.approx([0, 0], abs=0.01)
 
 
+@pytest.mark.slow
 def test_straight_walk_is_not_enough_and_gives_advice():
     calibration = calibrate(streams([Walker(WalkPath(16, 1.6, 0.0))], [A, B], noise=0.01))
     assert not calibration.is_good
@@ -227,6 +230,7 @@ def test_sensor_that_saw_nobody_is_reported():
     assert "b" not in calibration.world_from_sensor
 
 
+@pytest.mark.slow
 def test_a_slow_sensor_is_placed_too():
     """The slow sensor has five frames per second, the other one thirty."""
     a = stream_from_frames("a", told([Walker()], A, TIMES, sensor="a"))

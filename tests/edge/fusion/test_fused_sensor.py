@@ -211,6 +211,7 @@ def test_sensors_without_a_floor_keep_a_fixed_height(stated, kept):
     assert settings.scene.height == kept
 
 
+@pytest.mark.slow
 def test_all_depth_sensors_learn_the_room_again():
     """Each sensor has its own background model. The model's age restarts at zero."""
     with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:

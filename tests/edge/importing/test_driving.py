@@ -66,6 +66,7 @@ def moment(document: Document, second: float):
     return instant
 
 
+@pytest.mark.slow
 def test_the_lamp_waits_and_is_possessed_when_it_was_asked_for(performed) -> None:
     assert not moment(performed, HOLD - 0.1).possessed
     assert moment(performed, HOLD + 0.1).possessed

@@ -152,6 +152,7 @@ PROGRAM = """
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="sends a POSIX signal")
 def test_ctrl_c_finishes_the_file(tmp_path):
     with Recorder(tmp_path / "slow.mcap") as recorder:

@@ -120,6 +120,7 @@ def test_without_pyav_the_extra_is_named(tmp_path, monkeypatch) -> None:
         FilmWriter(tmp_path / "a.mp4", None, 25.0, 8.0)
 
 
+@pytest.mark.slow
 def test_a_person_is_followed_in_the_pictures() -> None:
     inspector = Inspector(Tracker(), 320)
     with SyntheticSensor("tof", "wave", realtime=False) as sensor:
@@ -131,6 +132,7 @@ def test_a_person_is_followed_in_the_pictures() -> None:
     assert all(p.shape == (240, 320, 3) for p in pictures)
 
 
+@pytest.mark.slow
 def test_the_command_makes_a_film_and_a_sheet(tmp_path) -> None:
     import typer
 

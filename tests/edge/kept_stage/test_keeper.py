@@ -186,6 +186,7 @@ def test_damaged_character_is_left_out_and_the_others_come_back(tmp_path, caplog
     parts.keeper.close()
 
 
+@pytest.mark.slow
 def test_folder_that_cannot_be_written_only_warns(tmp_path, caplog) -> None:
     (tmp_path / "file").write_text("")
     parts = start(tmp_path / "file" / "below")

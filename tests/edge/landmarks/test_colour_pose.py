@@ -62,6 +62,7 @@ def test_colour_improves_joints_that_depth_hardly_shows(landmarks_of):
     assert surer[:, legs].mean() >= min(0.98, unsure[:, legs].mean())
 
 
+@pytest.mark.slow
 def test_without_colour_no_landmarks_are_requested(landmarks_of):
     plain, _, _ = errors(landmarks_of, with_colour=False, eye=False)
     same, _, asked = errors(landmarks_of, with_colour=False, eye=True)

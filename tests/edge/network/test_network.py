@@ -326,6 +326,7 @@ def test_local_and_opened_hosts_can_be_bound(host: str, is_open: bool) -> None:
     Publisher(name=unique(), host=host, pose_port=0, control_port=0, open_to_all=is_open).close()
 
 
+@pytest.mark.slow
 def test_the_command_line_refuses_other_machines_in_a_sentence(tmp_path: Path) -> None:
     asked = [sys.executable, "-m", "enliven", "edge", "--host", "0.0.0.0"]
     done = subprocess.run(asked, capture_output=True, text=True, timeout=2 * PATIENCE, cwd=tmp_path)

@@ -215,6 +215,7 @@ def test_a_message_beyond_the_limit_costs_only_its_sender_the_connection(
     assert isinstance(peer.ask(requests.Ping("v", 1), 2), requests.Pong)
 
 
+@pytest.mark.slow
 def test_subscriber_that_never_reads_blocks_no_other(publisher: Publisher, peer: Peer) -> None:
     """The messages exceed all buffers, so a publisher that blocks would never finish."""
     thing = character(count=64)

@@ -32,6 +32,7 @@ def port():
         return free.getsockname()[1]
 
 
+@pytest.mark.slow
 def test_lost_packets_are_a_health_state_and_are_logged_once(caplog):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
@@ -61,6 +62,7 @@ def test_lost_packets_are_a_health_state_and_are_logged_once(caplog):
             wait_until(lambda: not trouble(), "the state is cleared")
 
 
+@pytest.mark.slow
 def test_many_outputs_get_the_same_frames():
     receivers = [OscReceiver() for _ in range(8)]
     try:
@@ -115,6 +117,7 @@ def ready_client(kind, outputs: LiveOutputs, port: int):
     return kind(port, ["/health", "/stage"])
 
 
+@pytest.mark.slow
 def test_an_edge_reports_its_health_while_there_are_no_frames(port):
     pytest.importorskip("foxglove", reason="foxglove-sdk is not installed (the extra foxglove)")
     pytest.importorskip("google.protobuf", reason="protobuf is not installed")

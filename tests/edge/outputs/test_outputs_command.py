@@ -106,6 +106,7 @@ def test_a_wrong_output_ends_the_edge_at_the_start(words, message, capsys):
     assert message in capsys.readouterr().err.replace("\n", " ")
 
 
+@pytest.mark.slow
 def test_lost_packets_are_reported_in_the_heartbeat():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))

@@ -89,6 +89,7 @@ def test_puppet_reaches_the_key_pose_of_the_performers_pose() -> None:
         np.testing.assert_allclose(show.actor._state.places, still, atol=2e-3)
 
 
+@pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(
     st.lists(

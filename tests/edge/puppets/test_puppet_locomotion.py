@@ -196,6 +196,7 @@ def test_puppet_jumps_with_performer_scaled_to_its_size() -> None:
     assert jumped(jump=0.0).max() < 0.01
 
 
+@pytest.mark.slow
 def test_the_cactus_waddles_and_its_standing_foot_does_not_slide() -> None:
     actor = PuppetActor(PROJECT, PUPPET, PuppetSettings(fade=0.0, meet=False))
     poses = []

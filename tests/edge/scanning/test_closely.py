@@ -2,6 +2,7 @@
 runs.
 """
 
+import pytest
 from scanned_things import SCANNED_OBJECTS
 
 from enliven.scanning import Scanner
@@ -18,6 +19,7 @@ ELSEWHERE = 225
 """Number of an image from another side, 2 m away on the path, from which the images are also aligned."""
 
 
+@pytest.mark.slow
 def test_close_alignment_finds_pose_hidden_by_floor_noise():
     take, scanner = HandheldScan(SCANNED_OBJECTS["stool"](), load_profile("kinect1"), PATH), Scanner()
     for index in BEFORE:

@@ -96,6 +96,7 @@ def test_done_is_refused_and_the_scan_can_continue(busy):
     assert messages[-1].phase == "scanning" and messages[-1].note == messages[-1].remedy == ""
 
 
+@pytest.mark.slow
 def test_a_box_of_the_stage_cuts_out_what_it_holds():
     scan = LiveScan(1, Scan("start", name="box", voxel=0.016), lambda mesh, name, ends: mesh)
     scan.start()
@@ -133,6 +134,7 @@ def test_a_box_of_the_stage_cuts_out_what_it_holds():
         scan.end()
 
 
+@pytest.mark.slow
 def test_the_placement_stays_when_nearly_all_images_are_undone(monkeypatch):
     monkeypatch.setattr(scan_placement, "_SEARCH_INTERVAL_S", 0.0)
     path = HandheldPath(target=(0.0, 0.45, 0.0), radius=1.3, height=(0.7, 1.3), turns=1.0, seconds=8.0)

@@ -43,6 +43,7 @@ def test_too_fast_camera_gives_advice(tmp_path):
         run("--recording", flung, "-o", tmp_path / "no.glb", "--voxel", 16)
 
 
+@pytest.mark.slow
 def test_partly_too_fast_scan_keeps_the_rest_and_reports_it(carried, tmp_path):
     """In the second half, every image is from a different position."""
     take, frames = take_of(), []
@@ -55,6 +56,7 @@ def test_partly_too_fast_scan_keeps_the_rest_and_reports_it(carried, tmp_path):
     assert load_mesh(tmp_path / "part.glb").mesh.bounds[1, 1] == pytest.approx(0.5, abs=0.04)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [1.0, 1.5, 3.0])
 def test_blank_wall_is_reported(tmp_path, distance):
     wall = (Box((-9.0, -9.0, -0.4), (9.0, 9.0, 0.0)),)
@@ -64,6 +66,7 @@ def test_blank_wall_is_reported(tmp_path, distance):
         run("--recording", blank, "-o", tmp_path / "no.glb", "--voxel", 16, "--reach", 5)
 
 
+@pytest.mark.slow
 def test_mirror_hole_stays_a_hole(tmp_path):
     """A part of the object has no depth from any direction. The rest is scanned."""
 
@@ -123,6 +126,7 @@ def test_centred_object_is_taken_and_the_other_can_be_selected(tmp_path):
         run(*words, "-o", tmp_path / "third.glb", "--thing", 3)
 
 
+@pytest.mark.slow
 def test_recording_without_colours_gives_a_plain_mesh_and_a_note(carried, tmp_path):
     output = run("--recording", carried, "-o", tmp_path / "plain.glb", "--voxel", 16)
     assert "The camera sent no colours, so the mesh has no colours" in output

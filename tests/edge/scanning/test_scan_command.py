@@ -56,6 +56,7 @@ def test_budget_is_kept_and_reported_and_a_project_opens(carried, tmp_path):
     assert len(character.mesh.faces) > 2000
 
 
+@pytest.mark.slow
 def test_all_that_was_scanned_is_level_on_the_floor(carried, tmp_path):
     target = tmp_path / "room.ply"
     run("--recording", carried, "-o", target, "--voxel", 16, "--seconds", 1, "--whole", "--triangles", 0)

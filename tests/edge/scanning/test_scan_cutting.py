@@ -99,6 +99,7 @@ def test_scan_of_another_place_is_refused(folder, tmp_path):
         run("--recording", folder / "with.mcap", "--before", other, "-o", tmp_path / "no.glb", "--voxel", 16)
 
 
+@pytest.mark.slow
 def test_scan_of_a_bare_floor_is_refused(folder, tmp_path):
     """A bare floor does not constrain the camera, so it must not count as an earlier scan of the place."""
     bare = recorded(tmp_path / "bare.mcap", NOTHING, 0, 60, room=(Box((-9, -0.2, -9), (9, 0, 9)),))

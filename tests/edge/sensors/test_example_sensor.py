@@ -29,6 +29,7 @@ def test_class_that_is_not_a_sensor_is_refused_with_advice(tmp_path, monkeypatch
         open_sensor("loose-wall")
 
 
+@pytest.mark.slow
 def test_example_sensor_is_installed_and_runs(tmp_path):
     install = ["-m", "pip", "install", "-q", "--no-deps", "--no-build-isolation", "--no-index"]
     subprocess.run(

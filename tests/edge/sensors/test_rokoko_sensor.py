@@ -125,6 +125,7 @@ def test_rotations_have_rokokos_axes():
     assert np.allclose(look, [1.0, 0.0, 0.0], atol=1e-4), "the person's left is +X"
 
 
+@pytest.mark.slow
 def test_a_performer_returns_through_rokoko():
     body = performer()
     with open_sensor("rokoko", port=0) as sensor:

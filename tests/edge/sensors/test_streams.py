@@ -131,6 +131,7 @@ def test_garbage_is_ignored():
         assert len(received(sensor, "vmc", LiveFrame(0, {1: performer()}))) == 1
 
 
+@pytest.mark.slow
 def test_motion_suit_of_another_program_moves_a_mesh():
     graph = DeformationGraph.build(make_chair(0.05), nodes=24, seed=0)
     actor = EmbeddedActor(

@@ -135,6 +135,7 @@ def test_mesh_waves_with_its_performer(known, how, side):
     assert moved[far].max() < STILL * moved[hand].mean(), "nothing else far away does"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["mapped", "inside"])
 @pytest.mark.parametrize("ahead", [True, False])
 def test_t_pose_lowers_its_arms_before_attachment(how, ahead):

@@ -47,6 +47,7 @@ def facing(yaw: float, x: float = 0.0, lift: float = 0.0) -> Body:
     return Body(1, joints @ rotation_about_y(yaw).T + [x, 0.0, -2.7], np.ones(20), stature=1.75)
 
 
+@pytest.mark.slow
 @given(SEEDS, NOISE_M, st.floats(-np.pi, np.pi), st.floats(0.0, 3.0))
 @settings(max_examples=25, deadline=None)
 def test_carried_hips_differ_from_the_performers_by_a_constant(seed, noise_m, front, seconds):
@@ -91,6 +92,7 @@ def test_other_bodies_keep_their_performers_heading(name):
     assert deviations_deg(gaps).max() < MAX_DEVIATION_DEG
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["mapped", "inside"])
 def test_holding_again_does_not_turn_the_mesh(woman, how):
     """A performer that is attached repeatedly while spinning keeps the same relative heading."""
@@ -107,6 +109,7 @@ def test_holding_again_does_not_turn_the_mesh(woman, how):
     assert deviations_deg(gaps).max() < 1.5 * MAX_DEVIATION_DEG
 
 
+@pytest.mark.slow
 def test_mesh_without_legs_turns_with_its_performer():
     """Without hips, no line defines a heading. Without the correction, a lamp lagged by 29 degrees."""
     actor = create_actor("lamp", 128, ActorSettings(how="mapped"))
@@ -115,6 +118,7 @@ def test_mesh_without_legs_turns_with_its_performer():
     assert deviations_deg(gaps[1:]).max() < 3.0
 
 
+@pytest.mark.slow
 def test_holding_again_holds_the_same_limbs():
     """A chair that has turned with its performer is attached again. Each limb gets the same chair leg as
     before.

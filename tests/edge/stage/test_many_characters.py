@@ -89,6 +89,7 @@ def test_a_stage_of_all_kinds_moves_each_by_its_own_performer(graph):
     assert not stage.holders
 
 
+@pytest.mark.slow
 def test_characters_wait_side_by_side_and_the_nearest_is_attached(graph):
     stage = Stage([chair(graph, "a"), chair(graph, "b")])
     poses = after(stage, [person(x=0.0, id=1)], 0)
@@ -102,6 +103,7 @@ def test_characters_wait_side_by_side_and_the_nearest_is_attached(graph):
     assert held(stage) == {"a": [1], "b": [1]}, "who asks by name may hold a second one"
 
 
+@pytest.mark.slow
 def test_conflict_goes_to_nearest_pair_and_one_character_each(graph):
     stage = Stage([chair(graph, "a"), chair(graph, "b")])
     people = [person(x=0.0, id=1)]
@@ -121,6 +123,7 @@ def test_conflict_goes_to_nearest_pair_and_one_character_each(graph):
     assert held(stage) == {"a": [4], "b": [4]}, "what is named is done"
 
 
+@pytest.mark.slow
 def test_free_performer_has_priority_over_nearer_one(graph):
     stage = Stage([chair(graph, "a"), chair(graph, "b")])
     where = float(after(stage, [person(id=7)], 0)["b"].positions[:, 0].mean())
@@ -182,6 +185,7 @@ def test_a_hold_is_not_handed_to_a_performer_of_another_character(graph):
     assert stage.holders == {1, 3}, "3 has none"
 
 
+@pytest.mark.slow
 def test_characters_come_change_and_go_while_others_continue(graph):
     stage = Stage([chair(graph, "a")])
     body = person(id=1)

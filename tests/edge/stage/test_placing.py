@@ -109,6 +109,7 @@ def play(stage, name, bodies):
     return pose
 
 
+@pytest.mark.slow
 def test_mapped_arms_drive_the_forelegs_and_legs_the_hind_legs(animal):
     rest = animal[0].pivots
     foot = rest[:, 1] < 0.3
@@ -145,6 +146,7 @@ def test_mesh_next_to_its_performer_stays_at_attachment(chair, how):
     assert np.linalg.norm(lifted.positions - held.positions, axis=1).max() > 0.15
 
 
+@pytest.mark.slow
 @given(
     st.floats(-1, 1),
     st.floats(-1.2, 1.2),
@@ -202,6 +204,7 @@ def saved(path: Path, height: float) -> str:
 SIZES = {"smaller than a hand": 0.08, "chair": 0.9, "tall as a tower": 100.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("scaled", ["mesh", "performer"])
 @pytest.mark.parametrize("how", ["inside", "beside"])
@@ -221,6 +224,7 @@ def test_any_size_is_possessed_alike(tmp_path, size, scaled, how):
     assert len(stage.cues()["m"].nodes) >= 4
 
 
+@pytest.mark.slow
 def test_metre_for_metre_a_tower_is_out_of_reach_and_a_toy_hangs_on_a_limb(tmp_path):
     own = ActorSettings(scaled="nobody", fade=0.0)
     tower = Stage([create_actor(saved(tmp_path / "tower.obj", 100.0), 32, own)])

@@ -115,6 +115,7 @@ def test_other_settings_and_other_meshes_are_prepared(folder: Path, tmp_path: Pa
     assert len(list(folder.iterdir())) == 6
 
 
+@pytest.mark.slow
 def test_restored_upload_is_read_from_the_store(folder: Path, monkeypatch) -> None:
     graphs = count_graphs(monkeypatch)
     data = character_bytes(project_of_mesh(load_sample("lamp"), "lamp"), "lamp")

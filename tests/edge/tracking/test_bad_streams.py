@@ -95,6 +95,7 @@ def test_fault_is_reported_and_tracking_resumes(frames, kind):
     assert np.mean(last) < 0.07
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("good", [20, 35, GOOD])
 def test_frozen_sensor_is_reported_and_its_last_image_is_harmless(frames, good):
     """Two seconds later, the person is half a metre nearer and hides that position, or is behind it."""
@@ -127,6 +128,7 @@ def test_frames_out_of_order_do_not_change_the_bodies(frames):
     assert [p.id for p in tracker.performers] == [p.id for p in other.performers]
 
 
+@pytest.mark.slow
 def test_a_stream_with_every_fault_at_once_raises_nothing(frames):
     random = np.random.default_rng(0)
 

@@ -105,6 +105,7 @@ def test_another_floor_is_found_again_only_on_request():
     assert len(new_places) == 1, "the room is learnt once for the new floor"
 
 
+@pytest.mark.slow
 def test_same_floor_keeps_the_pose():
     camera, mounting = Camera(), Mounting(SceneSettings())
     mounting.view(camera.frame(), no_people=True)

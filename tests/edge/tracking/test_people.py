@@ -119,6 +119,7 @@ def test_person_returning_too_late_gets_a_new_identity(stagecraft):
     assert len(ids_of(log, 0)) == 1
 
 
+@pytest.mark.slow
 def test_person_occluded_from_the_start_is_found_on_appearing(stagecraft):
     s = stagecraft
     front = s.Player(s.still(0.0, -2.2), "idle", s.Proportions(height=1.8))
@@ -171,6 +172,7 @@ def curtain(box, phase):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thing", ["chair put down", "chair pushed", "table", "door", "curtain"])
 def test_moving_furniture_is_not_a_person(stagecraft, thing):
     s = stagecraft
@@ -232,6 +234,7 @@ def test_a_sensor_that_is_knocked_over_finds_the_floor_and_everybody_again(stage
     assert tracker.world_from_camera[1, 3] == pytest.approx(0.8, abs=0.05)
 
 
+@pytest.mark.slow
 def test_person_close_to_the_sensor_does_not_count_as_moved_sensor(stagecraft):
     s = stagecraft
     performer = s.Player(s.still(-0.4, -2.6))
@@ -263,6 +266,7 @@ def test_person_outside_the_zone_is_a_bystander(stagecraft):
     assert tracker.bystanders == 1
 
 
+@pytest.mark.slow
 def test_leaving_the_zone_stops_performing_and_keeps_identity(stagecraft):
     s = stagecraft
     zone = ((-1.2, -3.0), (0.3, -3.0), (0.3, -2.0), (-1.2, -2.0))
@@ -276,6 +280,7 @@ def test_leaving_the_zone_stops_performing_and_keeps_identity(stagecraft):
     assert seen(log[-5:], 0) == 1.0
 
 
+@pytest.mark.slow
 def test_when_locked_a_newcomer_is_a_bystander(stagecraft):
     s = stagecraft
     performer = s.Player(s.still(-0.5, -2.5))
@@ -305,6 +310,7 @@ def test_forgetting_drops_everybody_and_keeps_the_room(stagecraft):
     assert ids_of(again, 0) != ids_of(first, 0)
 
 
+@pytest.mark.slow
 def test_covered_lens_keeps_all_people(stagecraft):
     """The image is dark for a second. The same two people appear at once afterwards, and no joints are
     reported meanwhile.

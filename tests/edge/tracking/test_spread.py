@@ -88,6 +88,7 @@ def counted(frames, settings, monkeypatch):
     return counts
 
 
+@pytest.mark.slow
 def test_the_fits_of_every_frame_are_bounded(film, monkeypatch):
     spread = counted(film, SPREAD, monkeypatch)
     appeared = next(n for n, (_, bodies) in enumerate(spread) if bodies)
@@ -121,6 +122,7 @@ def test_first_search_has_its_larger_budget_once(film, monkeypatch):
     assert max(work[1:]) <= FITS + PART + FOLLOWING
 
 
+@pytest.mark.slow
 def test_incremental_search_matches_single_search(film):
     """When the person appears, joints agree to four centimetres, and soon afterwards to one.
 
@@ -152,6 +154,7 @@ def test_entering_person_is_found_at_its_position(stagecraft):
     assert first.max() < 0.35
 
 
+@pytest.mark.slow
 def test_searched_person_is_not_learnt_as_background(film):
     """During a search of a fifth of a second, the person's pixels are not learnt as background."""
     tracker = Tracker(TrackerSettings(search=SearchSettings(fits_per_frame=1, first_fits=1)))

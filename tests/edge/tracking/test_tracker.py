@@ -52,6 +52,7 @@ def test_tracker_follows_person_within_centimetres(choreography):
     assert np.percentile(error, 95) < 0.12
 
 
+@pytest.mark.slow
 def test_the_person_keeps_one_identity_and_left_stays_left():
     recording = recorded("walk", 40)
     tracker = Tracker()
@@ -77,6 +78,7 @@ def test_the_sensor_finds_out_where_it_stands():
     np.testing.assert_allclose(tracker.world_from_camera[:3, :3], true[:3, :3], atol=0.04)
 
 
+@pytest.mark.slow
 def test_a_camera_that_starts_with_empty_frames_finds_its_floor_later():
     recording = recorded("idle", 40)
     tracker = Tracker()
@@ -88,6 +90,7 @@ def test_a_camera_that_starts_with_empty_frames_finds_its_floor_later():
     assert tracker.world_from_camera[1, 3] == pytest.approx(1.15, abs=0.2)
 
 
+@pytest.mark.slow
 def test_a_body_earns_its_confidence():
     """The confidence is at most 0.6 in the first frame, and after a third of a second that of the fit."""
     tracker, first_ns = Tracker(), None
@@ -138,6 +141,7 @@ def test_moved_sensor_relearns_the_background():
     assert body.joints[Joint.HIP_CENTER, 0] == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.slow
 def test_returning_person_is_found_again():
     """The wall behind the person is first visible when they leave. It must not become a person."""
     recording = recorded("idle", 30)

@@ -41,6 +41,7 @@ def test_the_list_of_commands_imports_no_command():
     assert imported_by_help_of([]) == [""]
 
 
+@pytest.mark.slow
 def test_the_help_of_every_command_imports_nothing_heavy():
     names = [[name] for name in list_installed_commands()]
     assert imported_by_help_of(*names) == [name for (name,) in names]

@@ -149,6 +149,7 @@ def test_two_sheets_that_touch_hang_together_and_two_apart_by_one_joint():
         assert crossing.sum() == 1 if bridges else crossing.sum() > 2
 
 
+@pytest.mark.slow
 def test_a_soup_of_very_many_pieces_is_one_net():
     """Loose triangles with hundreds per grid cell: the graph must not have a node for each."""
     rng = np.random.default_rng(1)

@@ -190,6 +190,7 @@ def test_rigid_motion_of_the_handles_is_the_meshs(seed, count, plain):
     assert total_energy(solver, prepare_surface(mesh, solver.settings.most_vertices)) < 1e-18
 
 
+@pytest.mark.slow
 def test_small_changes_stay_small_where_the_whole_is_about_to_follow():
     mesh = sphere()
     handles = [60, 61, 0, 25]

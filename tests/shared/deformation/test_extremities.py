@@ -86,6 +86,7 @@ def test_loose_vertices_are_no_ends():
     assert find_extremity_vertices(more).tolist() == find_extremity_vertices(mesh).tolist()
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.integers(0, 10**6), st.sampled_from([(1, 4), (30, 1), (30, 3), (5, 2 * MAX_SMALL_SHELL_POINTS)]))
 def test_shells_are_joined_by_the_shortest_pairs_that_make_them_one(seed, sizes):

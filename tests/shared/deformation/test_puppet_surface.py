@@ -160,6 +160,7 @@ def test_maps_and_their_blend_match_the_slow_reference():
         assert np.allclose(row, (b[0] + b[1] + b[2] + b[3])[:3])
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10**6))
 def test_a_rigid_motion_of_the_control_points_is_the_meshs(seed):

@@ -100,6 +100,7 @@ def folded(step=0.024):
     return Mesh(vertices, np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]]), "fold")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nodes", [24, 60])
 def test_weights_match_their_definition(nodes):
     mesh = folded()
@@ -111,6 +112,7 @@ def test_weights_match_their_definition(nodes):
     assert (plain != expected.argmax(1)).sum() > 10
 
 
+@pytest.mark.slow
 def test_a_finer_mesh_of_the_same_surface_has_nearly_the_same_weights(coarse):
     """The net of the fine mesh consists of vertex clusters, that of the coarse mesh of vertices."""
     fine = refine(coarse, 0.004)

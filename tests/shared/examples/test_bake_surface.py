@@ -46,6 +46,7 @@ def played(baked, vertices, frame):
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shear", [False, True])
 def test_a_bending_tube_is_followed_and_the_error_is_the_true_one(shear):
     mesh = made_puppets.tube()

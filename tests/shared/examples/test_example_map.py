@@ -140,6 +140,7 @@ def test_banded_solution_matches_dense_reference(seed, margin, weight, constrain
     np.testing.assert_allclose(ours, dense(mapping, poses, constraints, weight), atol=2e-5)
 
 
+@pytest.mark.slow
 @given(
     SEEDS,
     st.sampled_from([0.0, 0.05, 0.25, 1.0]),

@@ -41,6 +41,7 @@ def examples(folder, *words):
     return run(["examples", *plain])
 
 
+@pytest.mark.slow
 def test_from_a_mesh_and_a_motion_to_a_film_of_it(folder, capsys):
     (folder / "s").mkdir()
     assert (
@@ -76,6 +77,7 @@ def test_from_a_mesh_and_a_motion_to_a_film_of_it(folder, capsys):
     assert document["animations"]
 
 
+@pytest.mark.slow
 def test_the_project_that_is_made_is_the_session(folder):
     full_session(folder / "full.toml")
     assert examples(folder, "fit", "full.toml", "-o", "full2.enliven") == 0
@@ -109,6 +111,7 @@ def test_a_take_has_the_states(folder):
         np.testing.assert_allclose(pose.positions, there.positions, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_a_sheet_is_drawn_where_the_viewer_is(folder):
     pytest.importorskip("moderngl")
     from PIL import Image

@@ -118,6 +118,7 @@ def acting(names, seed=0, frames=40):
     return replace(clip, turns=turns)
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10_000), st.permutations(range(5)))
 @example(261, [0, 1, 2, 3, 4])  # no middle joint moves

@@ -131,6 +131,7 @@ def test_stopped_export_leaves_the_old_file(walk, tmp_path):
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.slow
 def test_exporter_loads_no_viewer():
     code = (
         "import sys, enliven.exporters.html_page as m; m.HTML; print(any('viewer' in n for n in sys.modules))"

@@ -37,6 +37,7 @@ def solved(project, times):
     return np.array(out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["skin", "morphs"])
 def test_a_file_plays_as_the_surface_is_solved_within_the_stated_error(bean, tmp_path, how):
     settings = BakeSettings(rms=0.001, worst=0.01, keys=0.0002)
@@ -84,6 +85,7 @@ def test_puppets_and_their_times_are_checked(bean):
         sample_performance(unposed, "bean")
 
 
+@pytest.mark.slow
 def test_a_baked_puppet_is_read_again_though_its_joints_hang_free(bean, tmp_path):
     path = tmp_path / "bean.glb"
     write_gltf(path, [sample_performance(bean, "bean")])

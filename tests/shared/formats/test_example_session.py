@@ -154,6 +154,7 @@ def layers(draw):
     return PuppetLayer(**{field.name: getattr(when, field.name) for field in fields(TimeMap)}, **own)
 
 
+@pytest.mark.slow
 @given(st.lists(layers(), max_size=4))
 @settings(max_examples=25, deadline=None)
 def test_layer_survives_writing_and_reading(tmp_path_factory, made):
@@ -189,6 +190,7 @@ def root_layers(draw):
     return RootLayer(**{field.name: getattr(when, field.name) for field in fields(TimeMap)}, **own)
 
 
+@pytest.mark.slow
 @given(st.lists(root_layers(), min_size=1, max_size=3), st.floats(0.0, 4.0))
 @settings(max_examples=25, deadline=None)
 def test_root_layers_survive_writing_and_reading(tmp_path_factory, made, second):

@@ -64,6 +64,7 @@ def agree(a, b, size):
     assert np.abs(np.asarray(a) - np.asarray(b)).max() < CLOSE * size
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None)
 @given(st.integers(0, 10_000))
 def test_stretched_rig_moves_like_reference_skinning(folder, seed):
@@ -75,6 +76,7 @@ def test_stretched_rig_moves_like_reference_skinning(folder, seed):
         agree(seen(project, shape.id, frame * clip.step), expected, max(size_of(shape), np.ptp(expected)))
 
 
+@pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(st.integers(0, 10_000))
 def test_written_file_matches_displayed_motion(folder, seed):

@@ -55,6 +55,7 @@ def test_foreshortened_bones_are_reported():
     assert is_end_on(vectors, ScreenView(), 0.05).tolist() == [True, False, False, False]
 
 
+@pytest.mark.slow
 @given(seeds, st.integers(1, 12))
 @settings(max_examples=40, deadline=None)
 def test_suggested_view_shows_most_bone_length(seed, count):

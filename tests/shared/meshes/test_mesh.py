@@ -93,6 +93,7 @@ def test_welding_takes_minus_zero_for_zero():
     assert len(weld(mesh)[0].vertices) == 3
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(st.floats(0.05, 3.0), st.booleans())
 def test_refining_keeps_the_surface_and_opens_no_crack(longest, as_soup):

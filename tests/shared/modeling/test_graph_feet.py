@@ -86,6 +86,7 @@ def test_the_feet_of_a_table_and_of_the_chair_are_its_legs() -> None:
     assert len(find_feet(chair, np.arange(len(nodes)))) == 4
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=5)
 @given(st.floats(0.02, 0.055), st.sampled_from(["plain", "moved", "crossing"]))
 def test_held_feet_do_not_slide_and_lift_where_they_were_lifted(speed: float, way: str) -> None:

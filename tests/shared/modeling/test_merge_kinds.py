@@ -61,6 +61,7 @@ def within(rig, points):
     return BAKED * float(np.linalg.norm(np.ptp(points, axis=0))) if rig == "points" else ROUNDED
 
 
+@pytest.mark.slow
 @pairs
 @settings(deadline=None, max_examples=1)
 @given(time=st.floats(0.2, 1.2), later=st.integers(-6, 40))
@@ -143,6 +144,7 @@ def test_a_loop_goes_on_for_ever():
         assert off(compute_vertices(merged, name, at), compute_vertices(project, name, at)) < ROUNDED
 
 
+@pytest.mark.slow
 def test_impossible_merge_is_reported():
     project, ours, theirs = beside("bones", "points", 0.2)
     bare = project.with_characters(project.shape(ours).with_changes(mesh=None, skin=None))

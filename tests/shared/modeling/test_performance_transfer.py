@@ -130,6 +130,7 @@ def test_unedited_mesh_receives_the_motion_itself():
     assert transferred.graph("stool").parts[0].possession is not None
 
 
+@pytest.mark.slow
 def test_animated_target_is_copied():
     project, copied = paste_character(WORLD, WORLD, SOURCE)
     transferred, name = transfer_performance(project, SOURCE, copied, nodes=NODES)
@@ -163,6 +164,7 @@ def test_ends_that_an_artist_named_stay_where_they_are_on_the_mesh():
     np.testing.assert_allclose(graph.ends, graph.mesh.vertices[[0, 40, 80, 120, 160]], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_ends_and_stiff_spots_of_the_first_mesh_are_not_those_of_another():
     """The spots are positions on the first mesh, which another mesh does not have."""
     take = take_of(20)

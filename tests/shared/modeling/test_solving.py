@@ -141,6 +141,7 @@ def moved(attachment, rest, pose):
     return places
 
 
+@pytest.mark.slow
 @laws
 @given(factor=st.floats(0.7, 1.6), seed=st.integers(0, 20))
 def test_a_larger_or_smaller_mesh_is_held_and_follows(factor, seed):
@@ -165,6 +166,7 @@ def leg_cut(project, name, time=0.0):
     return cut, sorted(parts, key=lambda part: -len(cut.graph(part).mesh.vertices))
 
 
+@pytest.mark.slow
 @laws
 @given(seed=st.integers(0, 20))
 def test_both_parts_are_solved_after_cutting_a_leg(seed):

@@ -144,6 +144,7 @@ def test_a_cut_moves_no_node_and_no_vertex_at_any_time(walking, x, time, later):
     assert are_identical(dict(edited.streams), dict(project.streams))
 
 
+@pytest.mark.slow
 @laws
 @given(TIMES, st.integers(0, 2**32 - 1))
 def test_a_merge_leaves_both_where_they_were_and_the_graft_rides(walking, time, seed):

@@ -46,6 +46,7 @@ def test_packets_are_read_as_python_osc_reads_them():
         assert read_packet(packet) == expected
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(st.binary(max_size=60), st.integers(0, 10_000), st.integers(0, 255))
 def test_broken_packets_are_refused(garbage, place, value):

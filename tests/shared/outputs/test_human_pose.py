@@ -86,6 +86,7 @@ def test_a_rig_at_rest_with_a_t_pose_has_no_rotations(convention):
     assert np.degrees(angle).max() < 10, "made people have slightly bent limbs"
 
 
+@pytest.mark.slow
 @given(st.integers(0, 1000), st.sampled_from(sorted(CONVENTIONS)), st.booleans())
 def test_bones_of_a_rig_point_along_its_limbs(seed, convention, away):
     random = np.random.default_rng(seed)

@@ -88,6 +88,7 @@ def cloud() -> CharacterInfo:
     return CharacterInfo(Character("cloud", corners, faces, skin, pivots, np.zeros((0, 2), np.int32)))
 
 
+@pytest.mark.slow
 @posix_only
 def test_stopped_process_blocks_nothing_and_gets_the_newest_frame_with_all_events():
     with (
@@ -177,6 +178,7 @@ def shared_memory() -> set[str]:
     return set(os.listdir("/dev/shm")) if Path("/dev/shm").is_dir() else set()
 
 
+@pytest.mark.slow
 @posix_only
 def test_nothing_is_left_after_the_end():
     pytest.importorskip("foxglove", reason="foxglove-sdk is not installed (the extra foxglove)")
@@ -199,6 +201,7 @@ def test_nothing_is_left_after_the_end():
             os.waitpid(old, os.WNOHANG)
 
 
+@pytest.mark.slow
 def test_depth_images_reach_a_client_from_shared_memory():
     pytest.importorskip("foxglove", reason="foxglove-sdk is not installed (the extra foxglove)")
     pytest.importorskip("google.protobuf", reason="protobuf is not installed")
@@ -227,6 +230,7 @@ def test_depth_images_reach_a_client_from_shared_memory():
     assert len({int(image[0]) for image in values}) == len(images), "no image came twice"
 
 
+@pytest.mark.slow
 def test_characters_join_change_and_leave_while_the_process_runs():
     with (
         OscReceiver() as receiver,

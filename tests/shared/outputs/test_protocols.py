@@ -94,6 +94,7 @@ def test_vmc_sends_status_time_and_root(sent):
     assert receiver.values["/VMC/Ext/Root/Pos", "root"] == (0, 0, 0, 0, 0, 0, 1)
 
 
+@pytest.mark.slow
 def test_vmc_sends_four_characters_in_small_bundles(sent):
     frame = four_characters()
     receiver = sent("vmc", frame, last=("/VMC/Ext/Tra/Pos", "prop-4"))
@@ -113,6 +114,7 @@ def test_vmc_sends_four_characters_in_small_bundles(sent):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["anna", "ben"])
 def test_vmc_sends_the_character_that_the_address_names(sent, name):
     frame = four_characters()
@@ -126,6 +128,7 @@ def test_vmc_sends_the_character_that_the_address_names(sent, name):
         assert np.allclose(avatar.direction(bone), MIRROR * rotate(way, straight), atol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("convention", ["mixamo", "rigify"])
 def test_vmc_moves_an_avatar_as_the_rig_moves(sent, convention):
     skeleton = person(convention, np.random.default_rng(5))
@@ -177,6 +180,7 @@ def test_vrchat_trackers_are_at_the_joints_scaled_to_the_user(sent, height):
     assert len(receiver.values) == 18 and max(receiver.sizes) <= MAX_PACKET_BYTES
 
 
+@pytest.mark.slow
 def test_vrchat_follows_the_performer_of_the_address(sent):
     people = {1: performer(), 2: performer(2, place=(-1.0, 0.9, -3.0))}
     last = "/tracking/trackers/head/rotation"
@@ -222,6 +226,7 @@ def test_rokoko_moves_an_actor_as_the_performer_moves(compress):
         assert np.allclose(way, MIRROR * unit(body.joints[ends] - body.joints[begins]), atol=1e-3), joint
 
 
+@pytest.mark.slow
 def test_rokoko_sends_people_rigs_and_objects():
     frame = four_characters()
     with (
@@ -308,6 +313,7 @@ def test_an_osc_mapping_file_contains_names_plain_or_encoded(written, sent, tmp_
     assert set(sent("osc", frame, last="/spot", map="names.toml").values) == {"/spot"}
 
 
+@pytest.mark.slow
 def test_values_that_are_not_finite_are_sent_as_zero(sent):
     body = performer()
     body.joints[Joint.HAND_LEFT] = np.nan, np.inf, -np.inf
@@ -315,6 +321,7 @@ def test_values_that_are_not_finite_are_sent_as_zero(sent):
     assert receiver.values["/enliven/performer/1/joint/hand_left"] == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_an_empty_stage_is_sent(sent):
     nothing = (
         np.zeros(0, int),

@@ -103,6 +103,7 @@ def test_the_last_frame_is_sent_before_the_end():
     outputs.close()  # A second call does nothing.
 
 
+@pytest.mark.slow
 def test_a_receiver_may_start_late_and_restart():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))

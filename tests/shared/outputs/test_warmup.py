@@ -28,6 +28,7 @@ for scheme in ("vmc", "vrchat", "rokoko", "osc"):
 """For each output, prints the number of packets and the kernels that its first frame compiled."""
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_the_first_frame_compiles_no_kernel():
     helpers = [path for path in sys.path if path.endswith("helpers")]

@@ -122,6 +122,7 @@ def test_only_the_meshs_position_changes(chair) -> None:
     assert back.colours is other.colours
 
 
+@pytest.mark.slow
 def test_flat_and_wide_meshes_have_a_place_too() -> None:
     for mesh in (box((-40, 0, -40), (40, 0.5, 40)), box((-1, 0, 0), (1, 1.75, 0.0001))):
         back, fit = fit_standing_person(mesh)

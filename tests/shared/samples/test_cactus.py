@@ -60,6 +60,7 @@ def test_arms_follow_the_performers_arms() -> None:
         assert pose.places[feet, 1].min() == pytest.approx(puppet.rest[feet, 1].min(), abs=0.02)
 
 
+@pytest.mark.slow
 def test_every_key_pose_is_a_shape_that_keeps_its_volume_within_reason(mesh: Mesh) -> None:
     project = cactus_project(0.03)
     puppet = project.puppet("cactus")

@@ -17,6 +17,7 @@ def lamp():
     return load_sample("lamp")
 
 
+@pytest.mark.slow
 def test_every_shell_is_closed_and_faces_outwards(lamp):
     assert 10_000 <= len(lamp.vertices) <= 25_000
     shell = shells(lamp.faces, len(lamp.vertices))

@@ -37,6 +37,7 @@ def assert_the_same_surface(shown: Mesh, made: Mesh) -> None:
         assert np.quantile(np.abs(first.colours.astype(int) - second.colours[at]), 0.999) <= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["chair", "lamp"])
 def test_the_script_makes_the_meshes_that_ship(made, monkeypatch, name):
     shown = load_sample(name)

@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -33,6 +34,7 @@ def sides(faces):
     return np.unique(pairs, axis=0, return_counts=True)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), share=st.floats(0.05, 0.95))
 def test_a_surface_of_any_signs_is_closed(seed, share):

@@ -87,6 +87,7 @@ def test_the_sparse_solution_is_the_slow_one(seed):
     ) * (1 + 1e-5)
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(seed=SEEDS)
 def test_a_loop_that_is_wrong_is_found_out(seed):
@@ -101,6 +102,7 @@ def test_a_loop_that_is_wrong_is_found_out(seed):
     assert max(pose_difference(a, b)[0] for a, b in zip(poses_found, poses, strict=True)) < 0.1
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(seed=SEEDS)
 def test_the_world_may_lie_anywhere(seed):

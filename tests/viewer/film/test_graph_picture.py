@@ -39,6 +39,7 @@ def close_to(pixels, colour, tolerance=60):
     return np.abs(pixels.astype(int) - np.array(colour)).max(-1) < tolerance
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("gl")
 def test_the_bridge_is_red_where_it_is(balls, tmp_path, capsys):
     save_mesh(balls, tmp_path / "balls.obj")

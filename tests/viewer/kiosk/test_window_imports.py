@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 UNUSED = {
     "enliven.document.project": "is the studio's",
     "enliven.formats.project.file": "reads projects",
@@ -18,6 +20,7 @@ UNUSED = {
 LOAD = "import sys, enliven_viewer.kiosk.window; print(*sys.modules, sep='\\n')"
 
 
+@pytest.mark.slow
 def test_window_loads_no_module_that_its_first_picture_does_not_need() -> None:
     done = subprocess.run([sys.executable, "-c", LOAD], capture_output=True, text=True, timeout=600)
     loaded = set(done.stdout.split())

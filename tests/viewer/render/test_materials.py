@@ -260,6 +260,7 @@ KEYS = ("pbrMetallicRoughness", "alphaMode", "alphaCutoff", "emissiveFactor", "e
 INNER = ("baseColorFactor", "metallicFactor", "roughnessFactor", "KHR_materials_emissive_strength", "index")
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(st.dictionaries(st.sampled_from(KEYS), JUNK | st.dictionaries(st.sampled_from(INNER), JUNK)))
 def test_whatever_a_stranger_writes_becomes_a_material(definition: dict) -> None:

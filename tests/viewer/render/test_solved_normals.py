@@ -66,6 +66,7 @@ def test_normals_at_rest_equal_the_skinned_mesh() -> None:
     np.testing.assert_allclose(rows[:, 3:], SURFACE.normals, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_moved_normals_match_the_slow_reference() -> None:
     moved = VERTICES + np.random.default_rng(0).normal(0, 0.004, VERTICES.shape).astype(np.float32)
     np.testing.assert_allclose(make_solved_rows(moved, FACES, SURFACE), slow(moved), atol=1e-5)

@@ -122,6 +122,7 @@ def test_a_film_does_not_shake_with_its_subject() -> None:
     assert np.abs(np.diff(eyes, axis=0)).mean() < 0.01
 
 
+@pytest.mark.slow
 @given(st.floats(-4, 4), st.floats(-4, 4), st.floats(-3, 3), st.floats(0.05, 1.0), st.floats(1 / 120, 0.1))
 @settings(deadline=None, max_examples=60)
 def test_followed_subject_stays_in_view_from_the_same_side(x, z, across, up, step) -> None:

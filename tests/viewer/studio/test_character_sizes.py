@@ -94,6 +94,7 @@ def test_hand_scaling_is_kept_undone_and_set_again(scaling: ScalingSession) -> N
     assert not editor.project.handling, "it is as if it had never been"
 
 
+@pytest.mark.slow
 def test_soft_swing_setting_is_dragged_undone_and_set_again(scaling: ScalingSession) -> None:
     session, editor, actor = scaling.session, scaling.workspace.editor, scaling.actor
     scaling.until(lambda: session.connected and session.performers and "chair" in session.stage_ids)

@@ -10,6 +10,7 @@ from enliven_viewer.studio.features.perform.session import PerformSession
 from enliven_viewer.studio.workspace.files import add_sample
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -89,6 +89,7 @@ def test_refusal_by_the_edge_is_shown_with_advice(sitting) -> None:
     assert not session.perform.possession_requests.is_waiting
 
 
+@pytest.mark.slow
 def test_a_chosen_character_that_is_not_on_the_stage_is_put_there_first(sitting) -> None:
     session = sitting(actor("bench"))
     session.connect()
@@ -151,6 +152,7 @@ def test_a_new_press_on_a_silent_stage_is_refused(sitting, monkeypatch) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_a_press_while_a_scan_is_made_is_for_the_character_that_it_becomes(sitting) -> None:
     session = sitting(actor(), actor("scan"))
     session.connect()

@@ -159,6 +159,7 @@ deeds = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(st.lists(deeds, max_size=8))
 def test_a_key_does_one_action_at_most_and_changed_keys_are_kept(tmp_path_factory, todo) -> None:
     folder, done = tmp_path_factory.mktemp("keys"), list[str]()

@@ -191,6 +191,7 @@ def test_markers_are_dragged_jumped_to_and_named(tmp_path: Path) -> None:
     assert timeline.double_click(timeline.layout.x(0.8), RULER_HEIGHT / 2) and timeline.marker == "marker"
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.tuples(st.floats(-6, 6), st.floats(LABEL_WIDTH, 1700)), min_size=1, max_size=6),

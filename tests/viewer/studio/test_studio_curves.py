@@ -271,6 +271,7 @@ def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) 
     assert editor.history.names[-1] == "move key"
 
 
+@pytest.mark.slow
 @rigs
 def test_weight_and_speed_have_keys_on_their_curves(rig: str) -> None:
     editor, curves, name = desk(rig, handle=None)

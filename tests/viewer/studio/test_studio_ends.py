@@ -129,6 +129,7 @@ def test_ends_stay_on_the_mesh_through_edits(seed, factor):
     np.testing.assert_allclose(other.ends, other.mesh.vertices[swapped], atol=ROUNDED)
 
 
+@pytest.mark.slow
 def test_ends_are_kept_in_a_file_and_taken_by_an_edge(tmp_path):
     project = named(3)
     write_project(tmp_path / "named.enliven", project)

@@ -124,6 +124,7 @@ def drag(workspace: Workspace, start: tuple[float, float], x: float, **held: boo
     timeline.release(x)
 
 
+@pytest.mark.slow
 def test_dragging_a_diamond_retimes_its_key_pose_as_one_edit_and_a_click_opens_it(tmp_path) -> None:
     workspace = desk_with(tmp_path, posed((0.0, 0.75, 2.25), offset=0.5))
     timeline = workspace.state(TimelineInput)

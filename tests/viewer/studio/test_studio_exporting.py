@@ -78,6 +78,7 @@ def test_a_range_without_a_picture_and_no_character_are_refused_before_any_work(
     assert not list(tmp_path.glob("*.glb"))
 
 
+@pytest.mark.slow
 def test_a_film_has_its_size_rate_and_range_and_reports_how_far_it_is(workspace, tmp_path, gl) -> None:
     path, progress, shares = tmp_path / "out.mp4", WorkProgress(), []
     report = progress.report

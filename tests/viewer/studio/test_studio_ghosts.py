@@ -253,6 +253,7 @@ def test_smooth_normals_of_a_ball_point_outwards() -> None:
     assert (np.einsum("ij,ij->i", across, normals[mesh.faces[:, 0]]) > 0).mean() > 0.9
 
 
+@pytest.mark.slow
 @rigs
 def test_ghosts_are_seen_in_their_colours(rig: str) -> None:
     """With ghosts, the image has more blue and more orange than without."""

@@ -127,6 +127,7 @@ def test_locked_character_is_not_picked_and_refuses_edits(workspace) -> None:
 NAMES = st.sampled_from(["star", "limb", "post"])
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(st.lists(st.tuples(NAMES, st.sampled_from([None, True, False]), st.sampled_from([None, True, False]))))
 def test_visibility_and_locks_keep_their_last_setting_and_are_saved(steps) -> None:

@@ -114,6 +114,7 @@ def test_the_stroke_is_seen_while_it_is_drawn_and_dropped_by_escape(workspace):
     assert soft < -100 < abs(even) < 20 < 100 < stiff, "blue, grey and orange"
 
 
+@pytest.mark.slow
 def test_painted_stiffness_is_saved_and_softens_on_stage(workspace, tmp_path):
     workspace.actions.do("paint.softer")
     before = workspace.editor.project.character("man")

@@ -205,6 +205,7 @@ def test_performers_reattach_after_a_cut_and_undo_reverts_it(tmp_path: Path) -> 
     assert are_identical(editor.project, cut)
 
 
+@pytest.mark.slow
 def test_performance_is_copied_onto_another_mesh_by_two_keys(workspace: Workspace) -> None:
     """The performers possess the selected mesh in the background. Later edits are kept."""
     editor = workspace.editor

@@ -318,6 +318,7 @@ def test_without_a_puppet_the_tool_does_nothing(tmp_path) -> None:
     assert not workspace.editor.project.puppets and not bad(workspace)
 
 
+@pytest.mark.slow
 def test_stroke_cuts_a_puppet_and_both_parts_keep_moving(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head", "left", "right", "foot", "other", take="sway")
     two_poses(workspace)

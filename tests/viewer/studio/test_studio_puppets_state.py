@@ -285,6 +285,7 @@ def test_a_drag_a_thousand_sizes_away_stops_where_it_is_still_meant() -> None:
     assert not any(toast.is_error for toast in puppets.editor.toasts.shown)
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None)
 @given(
     st.lists(

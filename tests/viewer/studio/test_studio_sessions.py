@@ -46,6 +46,7 @@ def closed(faces: np.ndarray) -> bool:
     }
 
 
+@pytest.mark.slow
 def test_figure_6_keeps_every_motion(films, tmp_path) -> None:
     workspace = played(films, "figure6", tmp_path)
     names = workspace.editor.history.names

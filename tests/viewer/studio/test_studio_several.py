@@ -49,6 +49,7 @@ def seen(project, name: str, time: float = 0.4) -> np.ndarray:
 numbers = st.floats(-2.0, 2.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(st.floats(0.2, 4.0), st.tuples(numbers, numbers, numbers), st.integers(0, 2))
 def test_several_are_changed_as_if_they_were_one_body(factor, axis, side) -> None:

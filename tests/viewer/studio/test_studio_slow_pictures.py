@@ -93,6 +93,7 @@ def test_mouse_that_is_pressed_while_it_moves_is_not_a_finger(paths, is_held) ->
         offset = moved[-1][0]
 
 
+@pytest.mark.slow
 def test_strokes_have_every_place_of_a_slow_picture_in_the_window(tmp_path) -> None:
     report = in_a_window(SESSION, str(tmp_path))
     assert report["done"]

@@ -225,6 +225,7 @@ def test_the_legs_of_the_armchair_are_found() -> None:
     assert (np.abs(middles[:, 0]) > 0.15).all() and (middles[:, 1] < 0.2).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(1000.0, 600.0), (620.0, 421.0)])
 def test_tour_stroke_cuts_exactly_one_leg(workspace: Workspace, size: tuple[float, float]) -> None:
     """From each side, a stroke along the arrow removes a part of exactly one leg."""

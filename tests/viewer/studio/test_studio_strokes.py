@@ -7,6 +7,7 @@ import random
 from collections.abc import Iterator
 
 import numpy as np
+import pytest
 from made_acting_stage import acting_stage
 from studio_driver import Action, Click, Drag, HeadlessStage, Key, Pixel, Place, Wait, play
 
@@ -50,6 +51,7 @@ def strokes(editor: Editor, chance: random.Random) -> Iterator[Action]:
     yield Wait(0.1)
 
 
+@pytest.mark.slow
 def test_strokes_of_every_tool_at_random_are_undone_bit_for_bit(tmp_path) -> None:
     workspace, chance = acting_stage(tmp_path, 700, 520), random.Random(23)
     editor, stage = workspace.editor, HeadlessStage(workspace)

@@ -113,6 +113,7 @@ def changing(name: str, text: str) -> list[str]:
     return places
 
 
+@pytest.mark.slow
 def test_no_label_changes_the_id_of_its_widget() -> None:
     offenders = [
         label for path in sorted(VIEWER.rglob("*.py")) for label in changing(path.name, path.read_text())

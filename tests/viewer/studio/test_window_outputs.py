@@ -88,6 +88,7 @@ def shows(receiver: OscReceiver, direction: np.ndarray) -> bool:
     return bool(np.allclose(Avatar(bones).direction("LeftUpperArm"), MIRROR * direction, atol=1e-4))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mesh", [True, False])
 def test_a_project_is_sent_as_it_is_at_the_playhead(tmp_path, mesh):
     workspace = Workspace(Editor(project=waving("anna", "wave", Project(), mesh=mesh)), tmp_path)
@@ -105,6 +106,7 @@ def test_a_project_is_sent_as_it_is_at_the_playhead(tmp_path, mesh):
         assert receiver.values["/VMC/Ext/OK"] == (1, 3, 0, 1)
 
 
+@pytest.mark.slow
 def test_a_paused_project_sends_its_pose_again_while_the_time_runs(workspace):
     with OscReceiver() as receiver, opened(workspace, f"vmc:127.0.0.1:{receiver.port}") as outputs:
         times = receiver.history["/VMC/Ext/T"]
@@ -115,6 +117,7 @@ def test_a_paused_project_sends_its_pose_again_while_the_time_runs(workspace):
         assert len(set(poses)) == 1
 
 
+@pytest.mark.slow
 def test_several_characters_are_sent_and_hidden_ones_are_not(tmp_path):
     project = waving("ben", "wave back", waving("anna", "wave", Project()), lift=-0.5)
     workspace = Workspace(Editor(project=project), tmp_path)
@@ -146,6 +149,7 @@ def hide(workspace: Workspace, name: str) -> None:
     workspace.editor.edit("hide", lambda old: replace(old, handling={**old.handling, name: handling}))
 
 
+@pytest.mark.slow
 def test_a_take_is_sent_as_it_is_at_the_playhead(workspace, tmp_path):
     write_project(tmp_path / "dance.enliven", workspace.editor.project)
     assert cli.run(["export", str(tmp_path / "dance.enliven"), "-o", str(tmp_path / "dance.mcap")]) == 0
@@ -191,6 +195,7 @@ class OnePerformer:
     def close(self) -> None: ...
 
 
+@pytest.mark.slow
 def test_performers_of_a_stage_are_sent_by_their_numbers(workspace):
     workspace.state(PerformSession).live = LiveStage(OnePerformer(), Document())
     words = ("vrchat", "osc")
@@ -217,6 +222,7 @@ def said(workspace: Workspace) -> list[str]:
     return [f"{toast.text} {toast.remedy}" for toast in workspace.editor.toasts.shown]
 
 
+@pytest.mark.slow
 def test_a_missing_receiver_is_shown_once(workspace):
     with OscReceiver() as receiver:
         port = receiver.port

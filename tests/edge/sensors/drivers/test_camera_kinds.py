@@ -71,6 +71,7 @@ def played(tmp_path_factory) -> str:
     return str(path)
 
 
+@pytest.mark.slow
 @given(
     st.integers(0, 2**32 - 1),
     st.sampled_from([(0.0, 0.0), (1.0, 0.0), (0.0, 2.0), (0.7, 3.1)]),

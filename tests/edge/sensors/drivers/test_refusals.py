@@ -226,6 +226,7 @@ def test_missing_camera_gives_advice_and_command(said):
     assert "USB 3 port" in words and f"enliven run --sensor {sensor}" in words and "enliven doctor" in words
 
 
+@pytest.mark.slow
 def test_other_camera_than_requested_is_reported(said):
     sensor, reports = said
     kind, words, _ = reports["another"]
@@ -282,6 +283,7 @@ def test_a_camera_that_does_not_know_its_lens_gets_that_of_its_kind():
             choose_intrinsics(640, 480, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1", rehearsed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", LIBRARIES)
 def test_rehearsal_without_a_lens_gives_advice(tmp_path, sensor):
     """A recording cannot change its size, so neither a port nor a cable is named as the cause."""
@@ -320,6 +322,7 @@ def test_rehearsal_gives_no_hardware_advice(sensor, message):
     assert not any(word in refusal for word in ("Plug the", "Unplug the", "Close", "cable", "Type: sudo"))
 
 
+@pytest.mark.slow
 def test_a_recording_that_is_not_rectified_is_none_of_an_oak(tmp_path):
     usable(LIBRARIES["oak"])
     lens = replace(camera(96, 64), distortion=(0.1, 0.0, 0.0, 0.0, 0.0))

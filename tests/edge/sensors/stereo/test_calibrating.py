@@ -109,6 +109,7 @@ def pairs(tmp_path_factory):
     return folder, studios
 
 
+@pytest.mark.slow
 def test_a_rendered_board_is_found_to_a_fifth_of_a_pixel(pairs):
     studio = pairs[1][0]
     pose = Rotation.from_euler("xyz", (12, -15, 5), degrees=True).as_matrix(), np.array([0.01, 0.0, 0.38])
@@ -144,6 +145,7 @@ def test_the_sheet_is_the_board_to_the_millimetre(tmp_path, capsys):
     assert max(np.linalg.norm(point - expected[n]) for n, point in corners.items()) < 1.5
 
 
+@pytest.mark.slow
 @settings(max_examples=3)
 @given(st.integers(0, 1000), st.floats(0.06, 0.2), st.floats(-2, 2))
 def test_cameras_are_found_from_what_they_see_of_a_board(seed, baseline, crooked):

@@ -49,6 +49,7 @@ def recorded(tmp_path_factory):
     return {"calibration": str(folder / "stereo.toml"), "rehearse": str(folder)}, truth
 
 
+@pytest.mark.slow
 def test_recorded_pairs_become_depth_images_in_its_own_process(recorded, none_left):  # noqa: F811
     options, truth = recorded
     with open_sensor("libcamera", fps=60.0, **options) as sensor:
@@ -67,6 +68,7 @@ def test_recorded_pairs_become_depth_images_in_its_own_process(recorded, none_le
     assert cameras[0].fx == cameras[0].fy and not any(cameras[0].distortion)
 
 
+@pytest.mark.slow
 def test_a_process_that_crashes_is_started_again(recorded, none_left):  # noqa: F811
     with open_reopening(sensor_opener("libcamera", **recorded[0])) as sensor:
         errors: list[Exception] = []

@@ -63,6 +63,7 @@ def mistaken(observation: Observation) -> EstimateAtPoints:
     return seen_as(estimate_of(TOO_DEEP.joints()), points, np.full((len(points), 17), 1 / 17))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("told", [False, True], ids=["depth alone", "the network is mistaken"])
 def test_an_arm_caught_in_the_trunk_comes_to_its_surface(told):
     observation, fitter = observed(TRUTH), Fitter(FitSettings())

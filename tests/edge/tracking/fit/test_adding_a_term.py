@@ -7,6 +7,8 @@ import sys
 import textwrap
 from pathlib import Path
 
+import pytest
+
 import enliven_edge
 from enliven_edge.tracking.fit import terms
 
@@ -59,6 +61,7 @@ FIT = """
 """
 
 
+@pytest.mark.slow
 def test_a_term_is_added_in_two_files(tmp_path: Path) -> None:
     """In a copy of the package without compilation, a ceiling term makes the head bend down."""
     home = Path(enliven_edge.__file__).parent

@@ -35,6 +35,7 @@ def test_drawn_up_knees_are_free_only_for_a_known_low_person(hips, is_wider):
         assert followed == searched
 
 
+@pytest.mark.slow
 def test_the_fit_of_a_known_person_keeps_the_missing_floor():
     fitter, posture = Fitter(FitSettings()), drawn_up(0.05)
     with_floor = energy_from(fitter.for_tracked_people, posture)

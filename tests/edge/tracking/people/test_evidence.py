@@ -53,6 +53,7 @@ def looseness(posture, information):
     return of_joints.joint_uncertainty(information, *state, *body)[1]
 
 
+@pytest.mark.slow
 def test_unconstrained_joint_is_the_loosest():
     """Hips and legs are behind a board. The feet are less constrained than the hands, and than in full
     view.

@@ -89,6 +89,7 @@ def with_hole_across_the_shins(choreography, frames, holed, high):
     return recording
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("choreography", "holed", "high"),
     [("idle", 3, (0.3, 0.45)), ("idle", 12, (0.35, 0.5)), ("wave", 6, (0.38, 0.55))],

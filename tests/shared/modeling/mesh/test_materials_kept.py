@@ -81,6 +81,7 @@ def test_both_sides_of_a_cut_keep_them(seed, way, off, flat):
         assert (named[pure & ~sides & (named != "")] == "a").all()
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 1000), st.tuples(*[st.floats(-1, 1)] * 3), st.floats(0.06, 0.14), st.booleans())
 def test_a_union_keeps_those_of_both(seed, way, far, flat):

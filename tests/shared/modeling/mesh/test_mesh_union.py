@@ -61,6 +61,7 @@ def traced(union, first, first_skin, second, second_skin, offset=0):
     assert ((union.first >= 0) | (union.second >= 0) | union.seam).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(
     way=st.tuples(*[st.floats(-1, 1)] * 3),

@@ -55,6 +55,7 @@ def test_plane_is_found_in_any_orientation(seed, scale):
     assert np.abs((inside - point) @ normal).max() < 0.01 * scale
 
 
+@pytest.mark.slow
 def test_nearly_symmetric_counts_and_asymmetric_does_not():
     assert plane_of_symmetry(beast(0.02)) is not None
     assert plane_of_symmetry(beast(0.4)) is None
@@ -73,6 +74,7 @@ def test_box_gets_the_plane_between_left_and_right(wide, axis):
     assert np.abs(plane.point[axis]) < 0.01
 
 
+@pytest.mark.slow
 def test_the_sign_and_the_answer_are_always_the_same():
     mesh = beast()
     first, second = plane_of_symmetry(mesh), plane_of_symmetry(mesh)

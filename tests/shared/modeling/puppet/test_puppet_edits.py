@@ -86,6 +86,7 @@ def test_edit_does_not_change_the_original_project():
     assert project_bytes(project) == before
 
 
+@pytest.mark.slow
 @given(seeds, st.integers(0, 400))
 @few
 def test_adding_and_removing_a_point_restores_the_puppet(seed, vertex):

@@ -53,6 +53,7 @@ def test_suggestion_keeps_pairs_and_mirrors_them():
     assert suggest_joint(project, "it", "walk", names[1]) == "RightHand"
 
 
+@pytest.mark.slow
 def test_suggested_puppet_only_needs_poses():
     project = suggested(make_cactus(), points=6, poses=4)
     puppet = project.puppets["it"]

@@ -85,6 +85,7 @@ def test_cut_half_keeps_its_shape_in_key_poses(bean, height, time):
         assert np.linalg.norm(now[:, new] - was[:, old], axis=2).max() <= TOLERANCE * size_of(bean) + 1e-9
 
 
+@pytest.mark.slow
 def test_both_halves_go_on_moving_as_they_did():
     still = made_puppets.project()
     whole = still.puppet("bean")
@@ -108,6 +109,7 @@ def test_half_with_feet_travels_and_the_other_half_stays(bean):
     assert after.takes == bean.takes
 
 
+@pytest.mark.slow
 def test_a_half_without_paired_points_follows_through_new_ones():
     project = made_puppets.project()
     after, (low, _) = cut_puppet(project, "bean", PlaneCut([0, 0.3, 0], [0, 1.0, 0.0]), 0.0)
@@ -193,6 +195,7 @@ def test_at_the_time_of_a_merge_both_are_where_they_were(pair):
         assert placed.query(away)[0].max() < 0.03 * size_of(merged)
 
 
+@pytest.mark.slow
 def test_key_poses_of_both_stay_and_both_go_on(pair):
     project, other = pair
     merged = merge_characters(project, "bean", other, 0.7)
@@ -214,6 +217,7 @@ def test_key_poses_of_both_stay_and_both_go_on(pair):
     assert are_identical(parse_project(project_bytes(merged)), merged)
 
 
+@pytest.mark.slow
 def test_a_graft_that_plays_nothing_is_carried(pair):
     project, other = pair
     still = project.with_characters(project.puppet(other).with_changes(layers=()))
