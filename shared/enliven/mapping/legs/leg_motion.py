@@ -1,18 +1,30 @@
-"""Motion of legs over time: bends a leg so that its foot reaches its targets."""
+"""Motion of legs over time: bends a leg so that its foot reaches its targets, and measures its sole."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+import scipy
 
 from enliven.arrays import Float
 from enliven.document import RiggedCharacter, Skeleton
-from enliven.mapping.legs.gait import LegStep, PerformerGait
+from enliven.mapping.legs.gait import LegStep, PerformerGait, leg_length
+from enliven.mapping.legs.planting import PosedLeg, Spans, compute_remaining_offsets, contact_clearance
 from enliven.mapping.legs.sole import Sole
 from enliven.mapping.resting import heading_from_rotation
 from enliven.motion.contact.pin import find_bend, pin_limb
 from enliven.rotation import rotate, slerp
+
+SOLE_PASSES = 3
+"""Number of passes that correct the soles after the legs have been bent. Each pass leaves 40 % of the error
+if the shin has 40 % of the sole's skin weight."""
+EASING_S = 0.05
+"""Half width in seconds of the filters that smooth the lowering of the body and the tilt of a foot."""
+_MIN_CORRECTION = 1e-4
+"""The passes that correct the soles end if all corrections are below this fraction of the leg's length: 0.1
+mm on an adult."""
 
 
 def list_rotation_chains(skeleton: Skeleton, step: LegStep) -> list[tuple[int, ...]]:
@@ -77,3 +89,54 @@ def bend_limb(
         (np.array(chain, np.int32), middle, side, below_end),
     )
     pin_limb(*tree, *bones, 0.0, 0.0, weights, targets, no_release, turns, joints)
+
+
+def measure_leg(
+    skeleton: Skeleton,
+    step: LegStep,
+    sole: Sole,
+    spans: Spans,
+    performer: PerformerGait,
+    turns: Float,
+    joints: Float,
+) -> PosedLeg:
+    """Returns a leg in the performer's pose over time, given joints (T, N, 3) in metres relative to the
+    root."""
+    heights = (
+        performer.offsets[:, list(step.source.proper[len(step.source_leg) - 1 :]), 1]
+        + performer.root_height[:, None]
+    )
+    clearance = performer.scale * contact_clearance(heights, spans)
+    return PosedLeg(*sole.compute_rolling(turns, joints), clearance, leg_length(skeleton, step.leg), spans)
+
+
+def update_rolling(
+    legs: Sequence[PosedLeg], soles: Sequence[Sole], turns: Float, joints: Float
+) -> list[PosedLeg]:
+    """Returns the legs with the current motion of their soles, given the current ``turns`` and ``joints``."""
+    motions = [sole.compute_rolling(turns, joints) for sole in soles]
+    return [
+        replace(leg, rolled=rolled, sole=lowest) for leg, (rolled, lowest) in zip(legs, motions, strict=True)
+    ]
+
+
+def compute_sole_offsets(
+    legs: Sequence[PosedLeg], soles: Sequence[Sole], step_s: float, floor: float, turns: Float, joints: Float
+) -> list[Float]:
+    """Returns the offset (T, 3) in metres that each sole still has from its place, after the legs were bent.
+
+    The list is empty if all offsets are negligible.
+    """
+    bent_legs = update_rolling(legs, soles, turns, joints)
+    offsets = compute_remaining_offsets(bent_legs, np.zeros_like(joints[:, 0]), step_s, floor)
+    are_small = all(
+        np.abs(d).max() < _MIN_CORRECTION * leg.length for d, leg in zip(offsets, legs, strict=True)
+    )
+    return [] if are_small else offsets
+
+
+def smooth_drops(drops: Float, step: float, easing_s: float = EASING_S) -> Float:
+    """Returns smooth distances (T,) in metres that are never smaller than ``drops`` (T,)."""
+    radius = max(round(easing_s / step), 1)
+    maxima = scipy.ndimage.maximum_filter1d(drops, 2 * radius + 1, mode="nearest")
+    return np.asarray(scipy.ndimage.uniform_filter1d(maxima, 2 * radius + 1, mode="nearest"))

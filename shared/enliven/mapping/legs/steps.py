@@ -34,7 +34,8 @@ from enliven.mapping.legs.gait import (
     step_scale,
 )
 from enliven.mapping.legs.leg_motion import bend_leg, list_rotation_chains
-from enliven.mapping.legs.planted_legs import find_pelvis_bones, plant_feet, plant_stepping_feet
+from enliven.mapping.legs.planted_legs import find_pelvis_bones, plant_feet
+from enliven.mapping.legs.planted_steps import plant_stepping_feet
 from enliven.mapping.legs.planting import Spans, find_standing_spans, hold_heading
 from enliven.mapping.plan import Plan
 from enliven.mapping.resting import heading_from_rotation
