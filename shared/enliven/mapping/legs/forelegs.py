@@ -50,7 +50,7 @@ def lift_forelegs(
     if not (supports and forelegs):
         return
     lowest = np.min([sole.compute_lowest_height(turns, joints) for sole in supports], axis=0)
-    floor = _floor_under_feet(shape, clip, performer, times, joints, lowest)
+    floor = floor_under_feet(shape, clip, performer, times, joints, lowest)
     for step in forelegs:
         shank = Sole(shape, step.leg[1:-1])
         foreleg = Sole(shape, shape.skeleton.list_subtree(step.leg[0])[1:])
@@ -94,7 +94,7 @@ def _lift_knee(skeleton: Skeleton, chain: Sequence[int], lift: Float, turns: Flo
             joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
 
 
-def _floor_under_feet(
+def floor_under_feet(
     shape: RiggedCharacter, clip: Clip, performer: PerformerGait, times: Float, joints: Float, lowest: Float
 ) -> Float:
     """Returns the height (T,) in metres below which no foreleg may reach.

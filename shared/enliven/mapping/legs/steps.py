@@ -6,7 +6,8 @@ A model's leg has other proportions than the performer's. If it copied the perfo
 not stay on the floor. So the foot follows the performer's foot relative to the hips, and stands still while
 the performer's foot stands. If an animal has more legs than the performer, the performer's legs drive several
 pairs of legs, and neighbouring pairs step alternately. A foreleg that the performer's arm drives steps while
-the performer walks with hanging arms. Otherwise it follows the arm.
+the performer walks with hanging arms. Otherwise it follows the arm. If the performer bows so far that the model's
+head would go below the floor, trunk and head bend less.
 
 The legs of a model that is built like a person have the performer's pose. With ``pin`` their feet step too: a
 leg keeps its pose, and bends only as far as is needed for its foot to stand still. So feet do not slide for
@@ -22,8 +23,8 @@ import scipy
 
 from enliven.arrays import Float
 from enliven.document import Clip, Project, RiggedCharacter, unused
-from enliven.mapping.ground import follow_path, sample_times
-from enliven.mapping.legs.forelegs import lift_forelegs
+from enliven.mapping.ground import floor_height_under, follow_path, sample_times
+from enliven.mapping.legs.forelegs import floor_under_feet, lift_forelegs
 from enliven.mapping.legs.gait import (
     STRIDE_S,
     LegStep,
@@ -37,6 +38,7 @@ from enliven.mapping.legs.leg_motion import bend_leg, list_rotation_chains
 from enliven.mapping.legs.planted_legs import find_pelvis_bones, plant_feet
 from enliven.mapping.legs.planted_steps import plant_stepping_feet
 from enliven.mapping.legs.planting import Spans, find_standing_spans, hold_heading
+from enliven.mapping.legs.trunk import find_trunk_chains, raise_trunk
 from enliven.mapping.plan import Plan
 from enliven.mapping.resting import heading_from_rotation
 from enliven.motion.layers.evaluate import Player
@@ -74,13 +76,20 @@ def apply_steps(project: Project, shape_id: str, clip: Clip, rebased_clip: Clip,
         plant_feet(shape, posed_steps, performer, turns, joints)
     root = joints[:, 0].copy()
     contacts = [_find_performed_contacts(step, performer, root) for step in steps]
+    stepping = list[tuple[LegStep, Float, Float]]()
     for step, spans in zip(steps, contacts, strict=True):
         if not step.posed:
             angles = _foot_heading_angles(shape, spans, performer, turns)
             heading = from_rotation_vector(angles[:, None] * [0.0, 1.0, 0.0])
-            targets = _end_targets(shape, step, performer, heading, turns, joints)
-            foot_heading = heading if is_planted else None
-            bend_leg(shape.skeleton, step, performer, targets, turns, joints, foot_heading)
+            stepping.append((step, heading, _end_targets(shape, step, performer, heading, turns, joints)))
+    trunk = list[tuple[int, ...]]()
+    if not posed_steps:
+        feet = [(step, targets) for step, _, targets in stepping if step.arm is None]
+        lowest = _estimate_lowest_sole(shape, feet)
+        floor = floor_under_feet(shape, clip, performer, times, joints, lowest)
+        trunk = _raise_trunk(shape, steps, floor, performer.step, turns, joints)
+    for step, heading, targets in stepping:
+        bend_leg(shape.skeleton, step, performer, targets, turns, joints, heading if is_planted else None)
     if is_planted and not posed_steps:
         plant_stepping_feet(shape, steps, contacts, performer, turns, joints)
     if is_planted:
@@ -89,6 +98,7 @@ def apply_steps(project: Project, shape_id: str, clip: Clip, rebased_clip: Clip,
     take = Clip(unused(f"{clip.id}: steps", project.takes), shape.skeleton, turns, joints[:, 0], times[1])
     project = project.with_takes(take)
     chains = [chain for step in steps for chain in list_rotation_chains(shape.skeleton, step)]
+    chains += trunk
     for chain in [*chains, *find_pelvis_bones(shape.skeleton, steps)]:
         project = clear_chain(project, shape_id, chain)
         name = unused(f"{take.id} of {shape.skeleton.names[chain[-1]]}", project.layer_names)
@@ -98,6 +108,24 @@ def apply_steps(project: Project, shape_id: str, clip: Clip, rebased_clip: Clip,
     for bone, sibling in _sibling_bones(shape, chains):
         spans[sibling] = spans[bone]
     return project.with_characters(new_shape.with_changes(spans=tuple(spans)))
+
+
+def _estimate_lowest_sole(shape: RiggedCharacter, feet: Sequence[tuple[LegStep, Float]]) -> Float:
+    """Returns the height (T,) in metres of the lowest sole of legs with given targets (T, 3) of their
+    ankles."""
+    rest_heights = shape.skeleton.positions[:, 1] + shape.place[1] - floor_height_under(shape)
+    return np.asarray(np.min([targets[:, 1] - rest_heights[step.leg[-1]] for step, targets in feet], axis=0))
+
+
+def _raise_trunk(
+    shape: RiggedCharacter, steps: Sequence[LegStep], floor: Float, step_s: float, turns: Float, joints: Float
+) -> list[tuple[int, ...]]:
+    """Straightens the trunk until it is above the floor; see :func:`raise_trunk`. Returns the chains that
+    changed."""
+    chains = find_trunk_chains(shape.skeleton)
+    bones = {bone for chain in chains for bone in chain[1:]}
+    bones.update(sibling for _, sibling in _sibling_bones(shape, chains))
+    return chains if raise_trunk(shape, steps, bones, floor, step_s, turns, joints) else []
 
 
 def _sibling_bones(shape: RiggedCharacter, chains: Sequence[Sequence[int]]) -> Iterator[tuple[int, int]]:
