@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 
 from enliven.arrays import Bool, Float
 from enliven.document import RiggedCharacter, Skeleton
@@ -30,10 +31,15 @@ from enliven.mapping.legs.sole import Sole
 from enliven.motion.contact.contacts import find_runs
 from enliven.motion.contact.pin import find_bend
 
-_MIN_FLIGHT_HEIGHT = 0.4
-"""Smallest height of the lowest foot of a stepping model in the air, as a fraction of the height of the
-performer's lowest foot. With a smaller height, feet would drag over the floor between the contacts of a
-run."""
+_MAX_FLIGHT_HEIGHT = 0.016
+"""Largest height of the lowest foot between two contacts if the performer does not leap, as a fraction of the
+performer's height, scaled to the model. Higher feet would hover visibly."""
+_MAX_TOUCHING_HEIGHT = 0.02
+"""Largest height of a foot that is still or already planted just outside a contact of the performer's foot,
+as a fraction of the performer's height, scaled to the model. Below this height a moving foot would scuff."""
+_MAX_EXTENSION_S = 0.05
+"""Largest time in seconds by which a contact is extended at each end. A longer time would leave too little
+time for a swing."""
 _MAX_STEP_LOWERING = 0.06
 """Maximum lowering of a stepping model so that its standing feet reach the floor, as a fraction of the leg
 length. An animal with straight legs takes long steps only if its body is lower. A much lower body would
@@ -83,9 +89,11 @@ def plant_stepping_feet(
     supports = [leg for step, leg in zip(steps, legs, strict=True) if step.arm is None]
     if not any(leg.spans for leg in supports):
         root[:, 1] += floor - np.median(root[:, 1] + np.min([leg.sole for leg in supports], axis=0))
-    # In the air the model is as high as the performer leaps. In the short flights of a run it is lower.
+    # In the air the model is as high as the performer leaps. In the short flights of a run its feet just
+    # clear the floor.
     clearance = np.min([leg.clearance for leg in supports], axis=0)
-    air_height = np.maximum(performer.compute_leap_heights(), _MIN_FLIGHT_HEIGHT * clearance)
+    max_height = _MAX_FLIGHT_HEIGHT * _scaled_height(performer)
+    air_height = performer.compute_leap_heights() + np.minimum(clearance, max_height)
     corrected_root, _ = plant_body(supports, root, performer.step, floor, air_height)
     joints += (corrected_root - joints[:, 0])[:, None]
     offsets = compute_remaining_offsets(legs, corrected_root, performer.step, floor)
@@ -143,18 +151,27 @@ def _stepping_leg(
     turns: Float,
     joints: Float,
 ) -> PosedLeg:
-    """Returns a leg that steps, with its contacts ``spans``, given joints (T, N, 3) in metres relative to the
-    root.
+    """Returns a leg that steps, with its contacts ``spans`` extended while the foot is low, given joints (T,
+    N, 3) in metres relative to the root.
 
     For a foreleg that an arm drives, only the contacts during which it steps are used.
     """
     leg = measure_leg(skeleton, step, sole, spans, performer, turns, joints)
-    if step.arm is None:
-        return leg
-    is_stepping = performer.walking_weights(step.arm) >= _MIN_STEPPING_WEIGHT
+    is_low = leg.clearance < _MAX_TOUCHING_HEIGHT * _scaled_height(performer)
     stands = _mark_standing_frames(spans, len(turns))
+    if stands.any():
+        frames = max(round(_MAX_EXTENSION_S / performer.step), 1)
+        stands = scipy.ndimage.binary_dilation(stands, iterations=frames, mask=is_low)
+    if step.arm is None:
+        return replace(leg, spans=tuple(find_runs(stands)))
+    is_stepping = performer.walking_weights(step.arm) >= _MIN_STEPPING_WEIGHT
     return replace(
         leg,
         clearance=np.where(is_stepping, leg.clearance, 0.0),
         spans=tuple(find_runs(stands & is_stepping)),
     )
+
+
+def _scaled_height(performer: PerformerGait) -> float:
+    """Returns the performer's height in metres, scaled to the model."""
+    return performer.scale * float(np.ptp(performer.offsets[..., 1], axis=1).max())

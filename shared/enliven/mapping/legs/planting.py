@@ -62,6 +62,9 @@ adult."""
 _MIN_SWING_S = 0.2
 """Shortest swing in seconds in which a stepping foot takes the body's new heading. In captures a standing
 foot may tremble."""
+_FLIGHT_WEIGHT = 6.0
+"""Weight of a given height in the air, relative to the weight of a standing foot. With a smaller weight, a
+jump begins too early and ends too late, with all feet above the floor."""
 _HEIGHT_WEIGHT = 1e-9
 """Weight of the term that pulls the root's height to the performer's. It is so small that it matters only
 while no foot stands."""
@@ -255,7 +258,7 @@ def plant_body(
     )
     rise_weights = np.where(min_rise > rise, flight_weights, 0.0)
     if air_height is not None:
-        min_rise, rise_weights = np.max(target_heights, axis=0) + air_height, flight_weights
+        min_rise, rise_weights = np.max(target_heights, axis=0) + air_height, _FLIGHT_WEIGHT * flight_weights
     root[:, 1] += (
         _find_smoothest_path([*target_heights, min_rise], [*standing, rise_weights], smooth, 0.0)
         if rise_weights.any()
