@@ -122,6 +122,24 @@ def test_standing_feet_of_a_real_animal_do_not_slide(model: str, take: str) -> N
     assert quality.slide < 5.0 and max(quality.sunk, quality.afloat) < 0.03
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("model", "take"),
+    [
+        ("khronos/Fox", "cmu_expmap/train_jumping_1.txt"),
+        ("quaternius/Deer", "cmu_expmap/train_jumping_1.txt"),
+        ("quaternius/Trex", "bvh/cmu_mirrors/01_01.bvh"),
+        ("khronos/Fox", "bvh/bandai_namco/dataset-1_bow_normal_001.bvh"),
+        ("quaternius/Spider", "bvh/bandai_namco/dataset-1_bow_normal_001.bvh"),
+    ],
+)
+def test_a_real_animal_that_jumps_or_bows_neither_hovers_nor_slides(model: str, take: str) -> None:
+    clip, shape = read_take(DATA / take, None, 0.0, 4.0)[0], read_gltf(DATA / f"gltf/{model}.glb").shape
+    result = retarget(shape, clip, replace(create_automatic_plan(clip, shape), travel=True, pin=True))
+    quality = measure_quality(result.project, result.shape_id, clip, result.duration)
+    assert quality.slide < 5.0 and max(quality.sunk, quality.afloat) < 0.03
+
+
 @pytest.mark.parametrize(("model", "names"), [("BrainStem", "brainstem"), ("CesiumMan", "khronos")])
 @pytest.mark.parametrize("take", ["cmu_expmap/train_running_1.txt", "bvh/cmu_mirrors/CMU_Sample_05_01.bvh"])
 def test_a_real_rig_without_joint_names_moves_as_the_performer(model: str, names: str, take: str) -> None:
