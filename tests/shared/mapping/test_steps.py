@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy
-from hypothesis import Phase, example, given, settings
+from hypothesis import Phase, assume, example, given, settings
 from hypothesis import strategies as st
 from made_bodies import crawler, horse, man, random_motion, shape_with_markers, snake, spider, walk
 from made_gaits import gait
@@ -146,6 +146,9 @@ def test_legs_keep_their_lengths_and_the_trunk_its_motion(seed):
     np.testing.assert_allclose(lengths, np.tile(skeleton.lengths[1:], (7, 1)), rtol=1e-9)
     legs = {j for limb in legs_that_step(shape, clip, plan) for j in limb.proper[1:]}
     others = [j for j in range(len(skeleton)) if j not in legs]
+    heights = [joints[..., 1] - joints[:, :1, 1] for _, joints in own]
+    # A trunk that would go below the feet bends less.
+    assume((heights[0][:, others].min(1) > heights[1][:, sorted(legs)].min(1) + 0.1).all())
     np.testing.assert_allclose(np.abs(np.sum(own[0][0] * own[1][0], 2))[:, others], 1.0, atol=1e-9)
 
 

@@ -34,7 +34,7 @@ from enliven.motion.contact.pin import find_bend
 _MAX_FLIGHT_HEIGHT = 0.016
 """Largest height of the lowest foot between two contacts if the performer does not leap, as a fraction of the
 performer's height, scaled to the model. Higher feet would hover visibly."""
-_MAX_TOUCHING_HEIGHT = 0.02
+_MAX_TOUCHING_HEIGHT = 0.012
 """Largest height of a foot that is still or already planted just outside a contact of the performer's foot,
 as a fraction of the performer's height, scaled to the model. Below this height a moving foot would scuff."""
 _MAX_EXTENSION_S = 0.05
