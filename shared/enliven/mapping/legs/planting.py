@@ -87,6 +87,8 @@ class PosedLeg:
         clearance: (T,) height in metres of the performer's foot above the floor, scaled to the model's size.
         length: length of the leg in metres.
         spans: the contacts of the foot with the floor.
+        hold_frames: number of frames before and after each contact in which the foot keeps its horizontal
+            place, so that it moves straight down and up.
     """
 
     rolled: Float
@@ -94,6 +96,7 @@ class PosedLeg:
     clearance: Float
     length: float
     spans: Spans
+    hold_frames: int = 0
 
 
 def find_standing_spans(foot: Float, root: Float, step: float, length: float) -> Spans:
@@ -342,25 +345,50 @@ def _flight_weights(standing: Sequence[Float], step: float) -> Float:
 def _foot_offsets(leg: PosedLeg, root: Float, step: float, floor: float, flight_weights: Float) -> Float:
     """Returns the offset (T, 3) in metres of a foot to its planted position, faded around each contact."""
     height, count, blend = root[:, 1] + leg.sole - floor, len(root), max(round(_BLEND_S / step), 1)
-    foot = np.stack([root[:, 0] + leg.rolled[:, 0], height, root[:, 2] + leg.rolled[:, 1]], axis=1)
-    offsets = np.zeros_like(foot)
-    ends = [-1, *(b for _, b in leg.spans)]
-    starts = [*(a for a, _ in leg.spans), count]
-    for number, (first, last) in enumerate(leg.spans):
-        correction = np.median(foot[first : last + 1], axis=0) - foot[first : last + 1]
-        correction[:, 1] = -height[first : last + 1]
-        offsets[first : last + 1] = correction
-        frames_before = min(blend, first - ends[number])
-        frames_after = min(blend, starts[number + 1] - last)
-        offsets[first - frames_before + 1 : first] += (
-            _compute_fading_weights(frames_before)[::-1, None] * correction[0]
-        )
-        offsets[last + 1 : last + frames_after] += (
-            _compute_fading_weights(frames_after)[:, None] * correction[-1]
-        )
+    path = root[:, [0, 2]] + leg.rolled
+    places = [np.median(path[first : last + 1], axis=0) for first, last in leg.spans]
+    held = _extend_spans(leg.spans, leg.hold_frames, count)
+    offsets = np.zeros_like(root)
+    offsets[:, [0, 2]] = _fade_offsets(
+        [place - path[first : last + 1] for place, (first, last) in zip(places, held, strict=True)],
+        held,
+        count,
+        blend,
+    )
+    on_floor = [-height[first : last + 1, None] for first, last in leg.spans]
+    offsets[:, 1] = _fade_offsets(on_floor, leg.spans, count, blend)[:, 0]
     min_height = (1.0 - _make_standing_mask(leg.spans, count)) * _min_clearance(leg, flight_weights)
     offsets[:, 1] = np.maximum(offsets[:, 1], min_height - height)
     return offsets
+
+
+def _extend_spans(spans: Spans, frames: int, count: int) -> Spans:
+    """Returns the spans, longer by ``frames`` at both ends, but at most by a third of the gap between two
+    spans."""
+    ends = [-1 - 3 * frames, *(last for _, last in spans)]
+    starts = [*(first for first, _ in spans), count + 3 * frames]
+    extensions = [min(frames, (start - end - 1) // 3) for end, start in zip(ends, starts, strict=True)]
+    return tuple(
+        (max(first - before, 0), min(last + after, count - 1))
+        for (first, last), before, after in zip(spans, extensions, extensions[1:], strict=False)
+    )
+
+
+def _fade_offsets(offsets: Sequence[Float], spans: Spans, count: int, blend: int) -> Float:
+    """Returns offsets (T, C) of ``count`` frames: those of each span (F, C), faded over ``blend`` frames
+    outside the spans."""
+    faded = np.zeros((count, offsets[0].shape[1] if offsets else 1))
+    ends = [-1, *(b for _, b in spans)]
+    starts = [*(a for a, _ in spans), count]
+    for number, (first, last) in enumerate(spans):
+        faded[first : last + 1] = offsets[number]
+        frames_before = min(blend, first - ends[number])
+        frames_after = min(blend, starts[number + 1] - last)
+        before = _compute_fading_weights(frames_before)[::-1, None]
+        faded[first - frames_before + 1 : first] += before * offsets[number][0]
+        after = _compute_fading_weights(frames_after)[:, None]
+        faded[last + 1 : last + frames_after] += after * offsets[number][-1]
+    return faded
 
 
 def _min_clearance(leg: PosedLeg, flight_weights: Float) -> Float:
