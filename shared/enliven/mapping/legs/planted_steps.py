@@ -38,7 +38,7 @@ _MAX_TOUCHING_HEIGHT = 0.012
 """Largest height of a foot that is still or already planted just outside a contact of the performer's foot,
 as a fraction of the performer's height, scaled to the model. Below this height a moving foot would scuff."""
 _MAX_EXTENSION_S = 0.05
-"""Largest time in seconds by which a contact is extended at each end. A longer time would leave too little
+"""Largest extension of a contact at each end, in seconds. A longer extension would leave too little
 time for a swing."""
 _HOLD_S = 0.034
 """Time in seconds before and after a contact in which a foot moves straight down or up: two frames of common

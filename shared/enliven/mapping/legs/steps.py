@@ -6,8 +6,8 @@ A model's leg has other proportions than the performer's. If it copied the perfo
 not stay on the floor. So the foot follows the performer's foot relative to the hips, and stands still while
 the performer's foot stands. If an animal has more legs than the performer, the performer's legs drive several
 pairs of legs, and neighbouring pairs step alternately. A foreleg that the performer's arm drives steps while
-the performer walks with hanging arms. Otherwise it follows the arm. If the performer bows so far that the
-model's head would go below the floor, trunk and head bend less.
+the performer walks with hanging arms. Otherwise it follows the arm. A deep bow would push an animal's head
+below the floor, so trunk and head bend less.
 
 The legs of a model that is built like a person have the performer's pose. With ``pin`` their feet step too: a
 leg keeps its pose, and bends only as far as is needed for its foot to stand still. So feet do not slide for
