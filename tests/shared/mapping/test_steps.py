@@ -215,8 +215,7 @@ def test_forelegs_that_arms_push_down_do_not_lift_the_body(seed, model):
 
 
 def bow(angle):
-    """Returns a man who stands still while his upper body bows forward by an angle (radians) and rises
-    again."""
+    """Returns a man who stands and bows forward by an angle (radians)."""
     clip = walk(0.0)
     turns = np.repeat(clip.turns[:1], FRAMES, axis=0)
     angles = angle * (0.5 - 0.5 * np.cos(np.linspace(0.0, 2.0 * np.pi, FRAMES)))
@@ -232,7 +231,7 @@ def bow(angle):
 
 @pytest.mark.parametrize("pin", [True, False])
 def test_a_deep_bow_does_not_lift_the_feet(pin):
-    """The performer's trunk drives the spider's abdomen, which would lift the body if it turned as far."""
+    """The performer's trunk drives the spider's abdomen. With the same angle, it would lift the body."""
     shape, abdomen = shape_with_markers("spider", spider()), spider().index("abdomen")
     tall, depths = np.ptp(shape.mesh.vertices[:, 1]), []
     for angle in (60.0, 100.0):
