@@ -215,7 +215,7 @@ def test_forelegs_that_arms_push_down_do_not_lift_the_body(seed, model):
 
 
 def bow(angle):
-    """Returns a man who stands and bows forward by an angle (radians)."""
+    """Returns a standing man with a forward bow by an angle (radians)."""
     clip = walk(0.0)
     turns = np.repeat(clip.turns[:1], FRAMES, axis=0)
     angles = angle * (0.5 - 0.5 * np.cos(np.linspace(0.0, 2.0 * np.pi, FRAMES)))
