@@ -75,16 +75,28 @@ class SourceTree:
                 if f"{package}.{name}" in self.modules:
                     yield f"{package} exports {name}, which is also a module of it: rename the module."
         for module, path in sorted(self.modules.items()):
-            for line, name in external_imports(path.read_text(encoding="utf-8")):
+            for line, name in external_imports(path, *ONLY_IMPORTED_BY):
                 allowed = ONLY_IMPORTED_BY.get(name)
                 if allowed is not None and module != allowed:
                     where = path.relative_to(self.root)
                     yield f"{where}:{line} imports {name}, which only {allowed} may: use its functions."
 
 
-def external_imports(text: str) -> Iterator[tuple[int, str]]:
-    """Yields line and top-level package of each import in a module, including calls of ``import_module``."""
-    for node in ast.walk(ast.parse(text)):
+def walk_source(path: Path, *words: str) -> Iterator[ast.AST]:
+    """Yields all nodes of a Python file, if it contains one of the words.
+
+    Without words, every file is parsed. This takes seconds for the whole project.
+    """
+    text = path.read_text(encoding="utf-8")
+    yield from ast.walk(ast.parse(text)) if not words or any(map(text.__contains__, words)) else ()
+
+
+def external_imports(path: Path, *words: str) -> Iterator[tuple[int, str]]:
+    """Yields line and top-level package of each import in a file, including calls of ``import_module``.
+
+    For ``words``, see :func:`walk_source`.
+    """
+    for node in walk_source(path, *words):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):

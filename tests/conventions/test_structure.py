@@ -17,6 +17,7 @@ from source_tree import (
     external_imports,
     import_levels,
     project_tree,
+    walk_source,
 )
 
 LINT = [
@@ -47,7 +48,7 @@ def test_library_names_no_module_of_a_program():
         f"{path}:{node.lineno}: {node.value}"
         for module, path in project_tree().modules.items()
         if module.startswith("enliven.")
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in walk_source(path, "enliven_")
         if isinstance(node, ast.Constant)
         and isinstance(node.value, str)
         and re.fullmatch(r"enliven_(edge|viewer|synthesis)\.[\w.:]+", node.value)
@@ -89,7 +90,7 @@ def test_few_modules_test_the_type_of_a_rig():
     for folder in PACKAGES.values():
         for path in (ROOT / folder).rglob("*.py"):
             if not any(part in path.as_posix() for part in _RIG_CONVERTERS):
-                for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                for node in walk_source(path, *_RIG_TYPES):
                     is_call = isinstance(node, ast.Call) and getattr(node.func, "id", "") == "isinstance"
                     is_compared = isinstance(node, ast.Compare) and ".kind" in ast.unparse(node)
                     if is_call or is_compared:
@@ -191,7 +192,7 @@ def test_a_violation_is_reported_with_advice(tmp_path, changes, message):
 def test_no_other_file_imports_a_library_with_telemetry():
     for folder in ("scripts", "tests", "docs", "firmware_configs"):
         for path in (ROOT / folder).rglob("*.py"):
-            names = {name for _, name in external_imports(path.read_text(encoding="utf-8"))}
+            names = {name for _, name in external_imports(path, *ONLY_IMPORTED_BY)}
             assert not names & ONLY_IMPORTED_BY.keys(), path
 
 
@@ -201,7 +202,7 @@ def test_helpers_import_no_module_of_one_test_folder():
     shared = {path.stem for folder in ("helpers", "conventions") for path in (tests / folder).rglob("*.py")}
     elsewhere = {path.stem for path in tests.rglob("*.py")} - shared
     for path in (tests / "helpers").rglob("*.py"):
-        names = {name for _, name in external_imports(path.read_text(encoding="utf-8"))}
+        names = {name for _, name in external_imports(path)}
         assert not names & elsewhere, path
 
 
@@ -223,7 +224,7 @@ def test_decoding_errors_are_caught_completely():
     complete = {"ValueError", "DAMAGE"}
     for folder in PACKAGES.values():
         for path in (ROOT / folder).rglob("*.py"):
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            for node in walk_source(path, "DecodeError", "MsgspecError"):
                 if isinstance(node, ast.ExceptHandler) and node.type is not None:
                     caught = {n.attr if isinstance(n, ast.Attribute) else n.id for n in _names(node.type)}
                     is_partial = caught & {"DecodeError", "MsgspecError"} and not caught & complete
