@@ -241,3 +241,22 @@ def test_a_deep_bow_does_not_lift_the_feet(pin):
         assert np.ptp(ends[..., 1]) < 0.02 * tall, "the feet stay on the floor"
         depths.append(np.ptp(joints[:, abdomen, 1]))
     assert depths[1] > depths[0] > 0.1 * tall, "the abdomen still turns, and farther in a deep bow"
+
+
+@settings(max_examples=12)
+@example(model="horse", removed={"left leg", "right leg"}, pin=True)
+@given(
+    model=st.sampled_from(["horse", "spider", "man"]),
+    removed=st.sets(
+        st.sampled_from(["left leg", "right leg", "left foreleg", "right foreleg", "left arm", "trunk"])
+    ),
+    pin=st.booleans(),
+)
+def test_any_part_of_a_mapping_is_played(model, removed, pin):
+    """An artist may delete chains from a mapping file, for example those of the hind legs."""
+    shape = shape_with_markers(model, {"horse": horse, "spider": spider, "man": man}[model]())
+    clip = bow(1.0)
+    plan = create_automatic_plan(clip, shape)
+    chains = tuple(each for each in plan.chains if not each.role.startswith(tuple(removed)))
+    joints, _ = feet(retarget(shape, clip, replace(plan, chains=chains, travel=True, pin=pin)))
+    assert np.isfinite(joints).all()

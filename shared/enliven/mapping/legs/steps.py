@@ -82,15 +82,13 @@ def apply_steps(project: Project, shape_id: str, clip: Clip, rebased_clip: Clip,
             angles = _foot_heading_angles(shape, spans, performer, turns)
             heading = from_rotation_vector(angles[:, None] * [0.0, 1.0, 0.0])
             stepping.append((step, heading, _end_targets(shape, step, performer, heading, turns, joints)))
-    trunk = list[tuple[int, ...]]()
-    if not posed_steps:
-        feet = [(step, targets) for step, _, targets in stepping if step.arm is None]
-        lowest = _estimate_lowest_sole(shape, feet)
-        floor = floor_under_feet(shape, clip, performer, times, joints, lowest)
-        trunk = _raise_trunk(shape, steps, floor, performer.step, turns, joints)
+    # Forelegs that arms drive do not carry the body. Without other legs, nothing determines its height.
+    feet = [(step, targets) for step, _, targets in stepping if step.arm is None]
+    steps_carry = bool(feet) and not posed_steps
+    trunk = _raise_trunk(shape, clip, steps, feet, performer, times, turns, joints) if steps_carry else []
     for step, heading, targets in stepping:
         bend_leg(shape.skeleton, step, performer, targets, turns, joints, heading if is_planted else None)
-    if is_planted and not posed_steps:
+    if is_planted and steps_carry:
         plant_stepping_feet(shape, steps, contacts, performer, turns, joints)
     if is_planted:
         project = follow_path(project, shape_id, clip.id, joints[:, 0].copy(), times[1])
@@ -118,14 +116,26 @@ def _estimate_lowest_sole(shape: RiggedCharacter, feet: Sequence[tuple[LegStep, 
 
 
 def _raise_trunk(
-    shape: RiggedCharacter, steps: Sequence[LegStep], floor: Float, step_s: float, turns: Float, joints: Float
+    shape: RiggedCharacter,
+    clip: Clip,
+    steps: Sequence[LegStep],
+    feet: Sequence[tuple[LegStep, Float]],
+    performer: PerformerGait,
+    times: Float,
+    turns: Float,
+    joints: Float,
 ) -> list[tuple[int, ...]]:
     """Straightens the trunk until it is above the floor; see :func:`raise_trunk`. Returns the chains that
-    changed."""
+    changed.
+
+    ``feet`` are the legs that carry the body, with the targets (T, 3) in metres of their ankles.
+    """
+    lowest = _estimate_lowest_sole(shape, feet)
+    floor = floor_under_feet(shape, clip, performer, times, joints, lowest)
     chains = find_trunk_chains(shape.skeleton)
     bones = {bone for chain in chains for bone in chain[1:]}
     bones.update(sibling for _, sibling in _sibling_bones(shape, chains))
-    return chains if raise_trunk(shape, steps, bones, floor, step_s, turns, joints) else []
+    return chains if raise_trunk(shape, steps, bones, floor, performer.step, turns, joints) else []
 
 
 def _sibling_bones(shape: RiggedCharacter, chains: Sequence[Sequence[int]]) -> Iterator[tuple[int, int]]:
