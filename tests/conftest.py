@@ -21,7 +21,6 @@ from hypothesis.internal.conjecture import providers
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 sys.path.insert(0, str(Path(__file__).parent / "helpers"))
-from compile_once import compile_once
 from durations import TABLE, recorded_durations, table_of
 
 TESTS = Path(__file__).parent
@@ -53,14 +52,7 @@ def get_constants():
 providers._get_local_constants = get_constants
 
 
-KERNELS = TESTS / "__pycache__" / "kernels.lock"
-"""Lock file of the test processes for compilation."""
-
-
 def pytest_configure(config):
-    share_rewriting(config)
-    KERNELS.parent.mkdir(exist_ok=True)
-    compile_once(KERNELS)
     # Edge names are reserved in this folder. Other test processes, and edges on this machine, use other
     # folders.
     own = tempfile.TemporaryDirectory(prefix="enliven-tests-")
@@ -70,22 +62,6 @@ def pytest_configure(config):
     os.environ["XDG_CONFIG_HOME"] = own.name
     # A test that changes the preparation of characters must not get a stored result.
     os.environ["ENLIVEN_CHARACTERS"] = "off"
-
-
-def share_rewriting(config):
-    """Makes each test process collect a different folder first, and stores the rewritten assertions.
-
-    Rewriting takes 60 % of the collection time. A process can use the results of the others.
-    """
-    sys.dont_write_bytecode = False
-    worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0")
-    if [Path(arg).resolve() for arg in config.args] != [TESTS]:
-        return
-    tops = [path for path in TESTS.iterdir() if path.is_dir() or path.name.startswith("test_")]
-    parts = sorted(path for top in tops for path in (top.glob("[a-z]*") if top.name in LARGE else [top]))
-    parts = [path for path in parts if path.is_dir() or path.name.startswith("test_")]
-    first = int(worker[2:]) * len(parts) // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", 1))
-    config.args = [str(path) for path in (*parts[first:], *parts[:first])]
 
 
 def pytest_collection_finish(session):
@@ -121,10 +97,6 @@ def pytest_addoption(parser):
         metavar="TIMES",
         help="try so many times the examples of each law",
     )
-
-
-LARGE = {"edge", "shared", "viewer"}
-"""Folders whose subfolders are collected as separate parts."""
 
 
 # This runs before pytest's own hook, which selects tests by their marks.

@@ -161,6 +161,7 @@ def test_the_shipped_recording_drives_the_shipped_cactus(road: Path) -> None:
 
 
 @pytest.mark.system
+@pytest.mark.slow
 def test_film_shows_the_moving_cactus(road: Path) -> None:
     sheet = np.asarray(Image.open(road / "enliven.png").convert("RGB")).astype(int)
     green = (sheet[..., 1] > sheet[..., 0] + 40) & (sheet[..., 1] > sheet[..., 2] + 30)

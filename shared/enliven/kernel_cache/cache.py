@@ -14,7 +14,8 @@ from numba.core.caching import _Cache
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaWarning
 
-from enliven.kernel_cache.callees import is_callee
+from enliven.kernel_cache.callees import compiles_callee, is_callee
+from enliven.kernel_cache.compile_lock import compile_lock
 from enliven.kernel_cache.fingerprint import describe_options, fingerprint
 from enliven.kernel_cache.loading import rebuild_kernel, unpickle_kernel
 from enliven.kernel_cache.native_schedule import record_use
@@ -70,8 +71,18 @@ class KernelCache(_Cache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Returns the compiled kernel for argument types, or None if no folder contains it.
 
-        If native code is enabled but missing for this kernel, the code for the processor's level is used.
+        If native code is enabled but missing for this kernel, the code for the processor's level is used. If
+        another process is compiling the kernel, waits for it. If the result is None, the kernel is locked
+        until :class:`~enliven.kernel_cache.callees.KernelDispatcher` has compiled it.
         """
+        compiled, folder = self._load(sig, target_context), user_folder()
+        if compiled is None and folder is not None and not compiles_callee():
+            compile_lock.acquire(folder, self.file_name(sig, target_context.codegen().magic_tuple()))
+            compiled = self._load(sig, target_context)
+        return compiled
+
+    def _load(self, sig: Any, target_context: Any) -> Any:
+        """Returns the compiled kernel for argument types, or None if no folder contains it."""
         target = target_context.codegen().magic_tuple()
         targets = [target, (target[0], processor_levels()[0], "")] if is_native_session() else [target]
         for possible_target in targets:

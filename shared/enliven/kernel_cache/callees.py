@@ -23,6 +23,8 @@ from numba.core.registry import CPUDispatcher
 from numba.core.sigutils import normalize_signature
 from numba.core.target_extension import dispatcher_registry, target_registry
 
+from enliven.kernel_cache.compile_lock import compile_lock
+
 
 class _Compilation:
     """The state of the compiler. Numba's compiler lock protects it.
@@ -121,6 +123,8 @@ class KernelDispatcher(CPUDispatcher):
                 return super().compile(sig)
             finally:
                 _Compilation.depth -= 1
+                if _Compilation.depth == 0:
+                    compile_lock.release()
 
     def add_overload(self, cres: CompileResult) -> None:
         """Adds a compiled variant. A callee is not offered to calls from Python."""

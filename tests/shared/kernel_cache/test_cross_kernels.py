@@ -43,7 +43,9 @@ def test_kernels_are_compiled_for_aarch64_under_their_names_there(tmp_path, monk
         assert done.returncode == 0, done.stderr
     done = run_python(str(SCRIPT), str(here), str(there))
     assert done.returncode == 0, done.stderr
-    stored = {path.name: unpickle_kernel(zstandard.decompress(path.read_bytes())) for path in there.iterdir()}
+    stored = {
+        path.name: unpickle_kernel(zstandard.decompress(path.read_bytes())) for path in there.glob("*.kernel")
+    }
     assert sorted(data[1].qualname for data in stored.values()) == ["copy_row", "quantile"]
     monkeypatch.setattr(target.platform, "machine", lambda: "aarch64")
     arm = ("aarch64-unknown-linux-gnu", processor_levels()[0], "")
