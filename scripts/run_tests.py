@@ -7,6 +7,9 @@ a deadline can pass although nothing is wrong. A real fault also makes the test 
 test that passes only when it runs alone is listed as unsteady. This is a fault of the test and should be
 fixed.
 
+Only the second run of a test prints the values in its assertions: to record them, pytest rewrites each test
+module, which takes half a minute of processor time for all modules.
+
 If a test process ends, its unfinished tests run in a second round, including the test that ended it.
 """
 
@@ -21,7 +24,7 @@ from pathlib import Path
 
 from unfinished_tests import CACHE_KEY
 
-PARALLEL = ("-n", "3", "--dist", "loadfile", "--no-loadscope-reorder", "--durations=50")
+PARALLEL = ("-n", "3", "--dist", "loadfile", "--no-loadscope-reorder", "--durations=50", "--assert=plain")
 """Options for three processes on two cores. Tests of cameras and of processes mostly wait, so more processes
 than cores are useful."""
 HANG_S = 720
@@ -98,6 +101,9 @@ def main(arguments: list[str]) -> int:
         if repeated and status in (0, 1) and len(failed) <= MAX_REPEATED:
             print("\nRunning the failed tests again, in one process.", flush=True)
             status = run_pytest(cache, "-n", "0", *repeated)
+        elif repeated and status == 1:
+            print(f"\nRunning {MAX_REPEATED} of the failed tests again, to print more.", flush=True)
+            run_pytest(cache, "-n", "0", *repeated[:MAX_REPEATED])
         still = read_failed_tests(cache)
     if len(failed) <= MAX_REPEATED:
         for test in failed:

@@ -19,8 +19,8 @@ def test_fails_the_first_time():
     mark.touch()
     assert known
 """
-BROKEN = "def test_fails_always():\n    assert False\n"
-MANY = "import pytest\n@pytest.mark.parametrize('k', range(6))\ndef test_fails(k):\n    assert False\n"
+BROKEN = "def test_fails_always():\n    value = 3\n    assert value == 4\n"
+MANY = "import pytest\n@pytest.mark.parametrize('k', range(6))\ndef test_fails(k):\n    assert k == 9\n"
 ENDED_ONCE = """
 import os, time
 from pathlib import Path
@@ -58,6 +58,7 @@ def test_a_test_that_fails_twice_fails_the_run(tmp_path):
     result = run(tmp_path, unsteady=UNSTEADY, broken=BROKEN)
     assert result.returncode == 1
     assert "FAILED TWICE: test_broken.py::test_fails_always" in result.stdout
+    assert "assert 3 == 4" in result.stdout, "the second run prints the values"
     assert "UNSTEADY (passes when repeated): test_unsteady.py" in result.stdout
 
 
@@ -66,6 +67,7 @@ def test_a_test_that_fails_twice_fails_the_run(tmp_path):
 def test_a_run_with_many_failures_or_without_an_end_fails(tmp_path, text):
     result = run(tmp_path, broken=text, unsteady="def test_passes():\n    pass\n")
     assert result.returncode != 0, result.stdout
+    assert ("assert 4 == 9" in result.stdout) == (text == MANY)
 
 
 @pytest.mark.slow
