@@ -4,11 +4,10 @@ import ast
 import re
 import textwrap
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
+from source_tree import ROOT, list_nodes
 
-ROOT = Path(__file__).parents[2]
 FOLDERS = ("shared", "edge", "viewer", "synthesis", "scripts", "examples", "tests")
 SECTION = re.compile(r"^(Args|Attributes):\n((?:(?:    .*)?(?:\n|$))+)", re.MULTILINE)
 """A section of a docstring: its heading, and all lines that are indented more than the heading."""
@@ -21,7 +20,7 @@ Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 def unknown_names(tree: ast.AST) -> Iterator[str]:
     """Yields ``line: owner: name`` for each documented parameter or attribute that does not exist."""
-    for node in ast.walk(tree):
+    for node in list_nodes(tree):
         if not isinstance(node, Function | ast.ClassDef):
             continue
         for heading, entries in SECTION.findall(ast.get_docstring(node) or ""):
@@ -49,7 +48,7 @@ def _names_of_class(node: ast.ClassDef, heading: str) -> set[str]:
     if heading == "Args" and constructors:
         return set().union(*map(_parameters, constructors))
     names = set()
-    for each in ast.walk(node):
+    for each in list_nodes(node):
         # Properties that only type checkers read are defined in a nested ``if TYPE_CHECKING``.
         if isinstance(each, Function):
             names.add(each.name)
@@ -63,10 +62,12 @@ def test_documented_parameters_exist(folder: str) -> None:
     """Checks that all listed names exist. If one was renamed or removed in the code, change the docstring as
     well.
     """
+    texts = {path: path.read_text(encoding="utf-8") for path in sorted((ROOT / folder).rglob("*.py"))}
     unknown = [
         f"{path.relative_to(ROOT)}:{name}"
-        for path in sorted((ROOT / folder).rglob("*.py"))
-        for name in unknown_names(ast.parse(path.read_text(encoding="utf-8")))
+        for path, text in texts.items()
+        if "Args:" in text or "Attributes:" in text
+        for name in unknown_names(ast.parse(text))
     ]
     assert unknown == []
 

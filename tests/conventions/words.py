@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+from source_tree import list_nodes
+
 RIDDLES = re.compile(r"\b(somebody|nobody|whoever|whomever|whose)\b", re.IGNORECASE)
 """Pronouns for a person in place of a noun. The reader has to find out which object they mean."""
 _CONSTANT = re.compile(r"_?[A-Z][A-Z0-9_]*")
@@ -25,7 +27,7 @@ def body_of(path: Path) -> list[ast.stmt]:
 def riddles(path: Path) -> Iterator[str]:
     """Yields a sentence for each docstring with a pronoun in place of a noun."""
     text = path.read_text(encoding="utf-8")
-    for node in ast.walk(ast.parse(text)) if RIDDLES.search(text) else ():
+    for node in list_nodes(ast.parse(text)) if RIDDLES.search(text) else ():
         full_text = _text_of(node)
         for riddle in RIDDLES.finditer(full_text):
             line = node.lineno + full_text[: riddle.start()].count("\n")
