@@ -215,8 +215,8 @@ def test_a_foot_is_as_high_as_it_rose_since_it_stood_on_a_floor_that_drifts(drif
 
 
 def slide_of(shape, clip, stands, plan):
-    """Returns the speeds in cm/s of the lowest points of standing feet, and the heights in metres of feet in
-    mid-swing.
+    """Returns the speeds in cm/s of the lowest points of standing feet and of feet that land or leave, and
+    the heights in metres of feet in mid-swing.
     """
     result = retarget(shape, clip, plan)
     moments = np.arange(len(clip.turns)) * STEP
@@ -225,7 +225,7 @@ def slide_of(shape, clip, stands, plan):
         floor_height_under(shape),
         0.0,
     ]
-    speeds, swinging = [], []
+    speeds, edges, swinging = [], [], []
     for side in (0, 1):
         foot = at[:, len(at[0]) - 24 + 12 * side :][:, :12]
         between = 0.5 * (foot[1:, :, 1] + foot[:-1, :, 1])
@@ -235,10 +235,11 @@ def slide_of(shape, clip, stands, plan):
         on = stands[1:, side] & stands[:-1, side] & (between.min(1) < 0.005)
         assert on.sum() > 0.7 * stands[:, side].sum(), "the foot is on the floor while the performer's is"
         speeds.append(100.0 * along[on])
+        edges.append(100.0 * along[stands[1:, side] != stands[:-1, side]])
         # The first and the last third of a swing are excluded, because the foot leaves and lands in them.
         wide = np.convolve(stands[:, side], np.ones(11), "same") > 0
         swinging.append(foot[~wide, :, 1].min(1))
-    return np.concatenate(speeds), np.concatenate(swinging), result
+    return np.concatenate(speeds), np.concatenate(edges), np.concatenate(swinging), result
 
 
 GAITS = [(1.2, 0.6, 0.4), (3.0, 0.2, 0.45), (4.5, 0.13, 0.45)]
@@ -252,12 +253,15 @@ def test_feet_that_roll_from_heel_to_toe_neither_slide_nor_scuff(how, shin, tip)
     clip, stands = gait(*how)
     shape = shod(short_shinned(shin), tip)
     plan = replace(create_automatic_plan(clip, shape), travel=True, pin=True)
-    speeds, swinging, result = slide_of(shape, clip, stands, plan)
+    speeds, edges, swinging, result = slide_of(shape, clip, stands, plan)
     assert np.median(speeds) < 1.0 and np.percentile(speeds, 90) < SLIDE
+    assert np.percentile(edges, 90) < (SLIDE if how != GAITS[-1] else 10.0), "feet land and leave vertically"
     assert np.percentile(swinging, 5) > CLEAR
     limbs = measure_quality(result.project, shape.id, clip, result.duration, plan).limbs
     legs = [limb for limb in limbs if "thigh" in limb.limb or "shin" in limb.limb]
-    assert legs and max(limb.median for limb in legs) < 3.0 and max(limb.p90 for limb in legs) < 8.0
+    assert legs and max(limb.median for limb in legs) < 3.0
+    # A foot is held next to each contact, which leaves less time for the short swing of a fast run.
+    assert max(limb.p90 for limb in legs) < (10.0 if how == GAITS[-1] else 8.0)
 
 
 @pytest.mark.parametrize("how", GAITS)
@@ -350,7 +354,7 @@ def test_feet_of_a_performer_that_turn_while_they_stand_do_not_slide(rate):
         toe = clip.skeleton.index(f"{name} toe")
         turns[:, toe] = multiply(from_rotation_vector(about[:, None] * [0.0, 1.0, 0.0]), turns[:, toe])
     clip, shape = replace(clip, turns=turns), shod(short_shinned(1.0), 0.22)
-    speeds, _, _ = slide_of(
+    speeds, *_ = slide_of(
         shape, clip, stands, replace(create_automatic_plan(clip, shape), travel=True, pin=True)
     )
     assert np.median(speeds) < 1.0 and np.percentile(speeds, 90) < SLIDE
@@ -372,7 +376,7 @@ def test_soles_that_move_with_the_shin_do_not_slide(how, share):
     """Skin that the shin moves in part slides when the leg bends, unless the foot corrects it."""
     clip, stands = gait(*how)
     shape = with_soft_soles(shod(short_shinned(1.3), 0.22), share)
-    speeds, _, _ = slide_of(
+    speeds, *_ = slide_of(
         shape, clip, stands, replace(create_automatic_plan(clip, shape), travel=True, pin=True)
     )
     assert np.median(speeds) < 0.4 and np.percentile(speeds, 90) < 4.0
@@ -384,7 +388,7 @@ def test_legs_keep_their_pose_if_wide_hips_sway_over_planted_feet(width, extra):
     clip, shape = sway(np.radians(3.0), np.radians(8.0)), shod(wide_hipped(width, extra), 0.2)
     stands = np.ones((len(clip.turns), 2), bool)
     plan = replace(create_automatic_plan(clip, shape), travel=True, pin=True)
-    speeds, _, result = slide_of(shape, clip, stands, plan)
+    speeds, *_, result = slide_of(shape, clip, stands, plan)
     assert np.median(speeds) < 0.5 and np.percentile(speeds, 90) < SLIDE
     limbs = measure_quality(result.project, shape.id, clip, result.duration, plan).limbs
     legs = [limb for limb in limbs if "thigh" in limb.limb or "shin" in limb.limb]

@@ -22,6 +22,9 @@ SOLE_PASSES = 3
 if the shin has 40 % of the sole's skin weight."""
 EASING_S = 0.05
 """Half width in seconds of the filters that smooth the lowering of the body and the tilt of a foot."""
+_HOLD_S = 0.034
+"""Time in seconds before and after a contact in which a foot moves straight down or up: two frames of common
+displays. A foot that moved forward as well would scuff."""
 _MIN_CORRECTION = 1e-4
 """The passes that correct the soles end if all corrections are below this fraction of the leg's length: 0.1
 mm on an adult."""
@@ -107,7 +110,8 @@ def measure_leg(
         + performer.root_height[:, None]
     )
     clearance = performer.scale * contact_clearance(heights, spans)
-    return PosedLeg(*sole.compute_rolling(turns, joints), clearance, leg_length(skeleton, step.leg), spans)
+    rolling, length = sole.compute_rolling(turns, joints), leg_length(skeleton, step.leg)
+    return PosedLeg(*rolling, clearance, length, spans, round(_HOLD_S / performer.step))
 
 
 def update_rolling(

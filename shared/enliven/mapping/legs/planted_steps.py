@@ -40,9 +40,6 @@ as a fraction of the performer's height, scaled to the model. Below this height 
 _MAX_EXTENSION_S = 0.05
 """Largest extension of a contact at each end, in seconds. A longer extension would leave too little
 time for a swing."""
-_HOLD_S = 0.034
-"""Time in seconds before and after a contact in which a foot moves straight down or up: two frames of common
-displays. A foot that moved forward as well would scuff."""
 _MAX_STEP_LOWERING = 0.06
 """Maximum lowering of a stepping model so that its standing feet reach the floor, as a fraction of the leg
 length. An animal with straight legs takes long steps only if its body is lower. A much lower body would
@@ -165,7 +162,6 @@ def _stepping_leg(
     if stands.any():
         frames = max(round(_MAX_EXTENSION_S / performer.step), 1)
         stands = scipy.ndimage.binary_dilation(stands, iterations=frames, mask=is_low)
-    leg = replace(leg, hold_frames=round(_HOLD_S / performer.step))
     if step.arm is None:
         return replace(leg, spans=tuple(find_runs(stands)))
     is_stepping = performer.walking_weights(step.arm) >= _MIN_STEPPING_WEIGHT

@@ -85,7 +85,8 @@ def apply_steps(project: Project, shape_id: str, clip: Clip, rebased_clip: Clip,
     # Forelegs that arms drive do not carry the body. Without other legs, nothing determines its height.
     feet = [(step, targets) for step, _, targets in stepping if step.arm is None]
     steps_carry = bool(feet) and not posed_steps
-    trunk = _raise_trunk(shape, clip, steps, feet, performer, times, turns, joints) if steps_carry else []
+    feet += [(step, joints[:, step.leg[-1]].copy()) for step in posed_steps]
+    trunk = _raise_trunk(shape, clip, steps, feet, performer, times, turns, joints) if feet else []
     for step, heading, targets in stepping:
         bend_leg(shape.skeleton, step, performer, targets, turns, joints, heading if is_planted else None)
     if is_planted and steps_carry:
@@ -108,11 +109,22 @@ def apply_steps(project: Project, shape_id: str, clip: Clip, rebased_clip: Clip,
     return project.with_characters(new_shape.with_changes(spans=tuple(spans)))
 
 
-def _estimate_lowest_sole(shape: RiggedCharacter, feet: Sequence[tuple[LegStep, Float]]) -> Float:
+def _estimate_lowest_sole(
+    shape: RiggedCharacter, feet: Sequence[tuple[LegStep, Float]], joints: Float
+) -> Float:
     """Returns the height (T,) in metres of the lowest sole of legs with given targets (T, 3) of their
-    ankles."""
+    ankles.
+
+    A leg that is too short for its target is stretched towards it from its hip, given ``joints`` (T, N, 3).
+    """
     rest_heights = shape.skeleton.positions[:, 1] + shape.place[1] - floor_height_under(shape)
-    return np.asarray(np.min([targets[:, 1] - rest_heights[step.leg[-1]] for step, targets in feet], axis=0))
+    soles = []
+    for step, targets in feet:
+        hip = joints[:, step.leg[0]]
+        distance = np.linalg.norm(targets - hip, axis=1)
+        reached = np.minimum(leg_length(shape.skeleton, step.leg) / np.maximum(distance, 1e-12), 1.0)
+        soles.append(hip[:, 1] + reached * (targets - hip)[:, 1] - rest_heights[step.leg[-1]])
+    return np.asarray(np.min(soles, axis=0))
 
 
 def _raise_trunk(
@@ -130,7 +142,7 @@ def _raise_trunk(
 
     ``feet`` are the legs that carry the body, with the targets (T, 3) in metres of their ankles.
     """
-    lowest = _estimate_lowest_sole(shape, feet)
+    lowest = _estimate_lowest_sole(shape, feet, joints)
     floor = floor_under_feet(shape, clip, performer, times, joints, lowest)
     chains = find_trunk_chains(shape.skeleton)
     bones = {bone for chain in chains for bone in chain[1:]}
