@@ -39,11 +39,13 @@ def metadata(archives: Path, package: str):
         return Parser().parsestr(archive.read(name).decode())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", ["edge", "viewer"])
 def test_archives_hold_the_files_of_the_checkout(archives, folder):
     release.check_files(folder, archives)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("package", "sibling"), [("enliven_edge", "enliven"), ("enliven_viewer", "enliven[compressed]")]
 )
@@ -54,6 +56,7 @@ def test_a_wheel_from_an_sdist_requires_its_siblings_in_its_own_version(archives
     assert about["License-File"] == "LICENSE"
 
 
+@pytest.mark.slow
 def test_a_wheel_without_a_file_is_refused(archives, tmp_path):
     for path in archives.iterdir():
         shutil.copy(path, tmp_path)
@@ -71,6 +74,7 @@ def test_a_wheel_without_a_file_is_refused(archives, tmp_path):
         release.check_files("edge", tmp_path)
 
 
+@pytest.mark.slow
 def test_an_sdist_builds_the_wheel_of_the_checkout(archives, tmp_path):
     release.check_sdist_wheel("edge", archives)
     (wheel,) = archives.glob("enliven_edge-*.whl")
@@ -101,6 +105,7 @@ def test_compiled_kernels_go_into_a_wheel_of_their_platform(tmp_path, words, mac
     assert empty.name.endswith("-py3-none-any.whl"), "pip takes it where no other wheel fits"
 
 
+@pytest.mark.slow
 def test_the_extra_oak_is_in_the_wheel(archives):
     about = metadata(archives, "enliven_edge")
     assert "oak" in about.get_all("Provides-Extra")

@@ -110,10 +110,12 @@ def test_shipped_meshes_stay_within_bounds(driven, mesh) -> None:
     assert measures.lowest > -0.3
 
 
+@pytest.mark.slow
 def test_lamp_stays_in_one_piece(driven) -> None:
     assert driven["lamp"].gap < 0.02
 
 
+@pytest.mark.slow
 def test_attachment_causes_no_jump(driven) -> None:
     """The nodes are no faster than the joints, and the parts at the end of an arm."""
     for measures in driven.values():

@@ -7,7 +7,7 @@ need them are left out; generated motions still cover every kind of difficulty.
 
 from __future__ import annotations
 
-from tracking_kept import OPENED, SEALED_FLOOR, SEALED_TURNS, kept_sequences
+from tracking_kept import OPENED, SEALED_DECEMBER, SEALED_FLOOR, SEALED_TURNS, kept_sequences
 from tracking_motions import NAMES as TURN_NAMES
 from tracking_scene import BACK, HOME, SIDE, Move, Person, Sequence, alone, exercise_move
 
@@ -322,18 +322,26 @@ _FLOOR_BUILDS = (
     Proportions(1.59, 1.06, legs=1.01),
     Proportions(1.87, 1.10, arms=1.02),
 )
-"""Builds of the newest sealed turns and floor work, which no other set uses."""
+"""Builds of the sealed turns and floor work of November, which no other set uses."""
+_DECEMBER_BUILDS = (
+    Proportions(1.68, 0.98, arms=0.97, shoulders=1.04),
+    Proportions(1.91, 1.01, legs=1.02),
+    Proportions(1.56, 1.12, hips=1.05),
+    Proportions(1.76, 0.90, arms=1.03),
+)
+"""Builds of the sealed turns and floor work of December, which no other set uses."""
 _SEATED = "seated"
 
 
 def floor_work() -> list[Sequence]:
-    """Returns sitting on the floor for tuning, and a sealed set of all turns and floor work, two films per
-    kind."""
+    """Returns sitting on the floor for tuning, and two sealed sets of all turns and floor work, with two and
+    three films per kind."""
     kinds = [_SEATED if name == "sitting" else name for name in TURN_NAMES]
     out = []
     for split, letter, builds, first, names in (
         (FLOOR, "f", (STOUT, AVERAGE, TALL, SMALL), 600, [_SEATED] * 4),
         (SEALED_FLOOR, "z", _FLOOR_BUILDS, 12300, kinds * 2),
+        (SEALED_DECEMBER, "q", _DECEMBER_BUILDS, 17500, kinds * 3),
     ):
         for n, name in enumerate(names):
             move = Move(_SEATED if name == _SEATED else "turns", name, first + n)
