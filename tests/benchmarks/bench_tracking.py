@@ -3,10 +3,11 @@
 Accuracy refers to the held-out sequences of :mod:`tracking_set`, on which nothing was tuned. Prefixes name
 other sets: "tracking.tuning." the tuning sequences, "tracking.close." limbs close to the trunk,
 "tracking.turns." turns and floor work for tuning, and "tracking.floor." newer films in which people do not
-sink into the floor. "tracking.sealed.", "tracking.turns_sealed.", "tracking.floor_sealed." and
-"tracking.december_sealed." are films that were used only once, after all tuning (:mod:`tracking_kept`). In
-"tracking.sealed.", the floor is measured as well. Real sequences are explained in :mod:`tracking_real`.
-Those of kinect_multitrack are joints without depth, and belong to the fusion of sensors.
+sink into the floor. "tracking.sealed.", "tracking.turns_sealed.", "tracking.floor_sealed.",
+"tracking.december_sealed." and "tracking.confidence_sealed." are films that were used only once, after all
+tuning (:mod:`tracking_kept`). In "tracking.sealed.", the floor is measured as well. Real sequences are
+explained in :mod:`tracking_real`. Those of kinect_multitrack are joints without depth, and belong to the
+fusion of sensors.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import tracking_real
 from figure import Figure
 from tracking_cache import rendered
 from tracking_evaluation import evaluated, mean_recovery
-from tracking_kept import SEALED, SEALED_DECEMBER, SEALED_FLOOR, SEALED_TURNS
+from tracking_kept import SEALED, SEALED_CONFIDENCE, SEALED_DECEMBER, SEALED_FLOOR, SEALED_TURNS
 from tracking_scene import DATA
 from tracking_scores import Scores, joint_label
 from tracking_set import CLOSE, FLOOR, HELD_OUT, TUNING, TURNS, sequences
@@ -55,6 +56,7 @@ def figures() -> Iterator[Figure]:
     yield from _measure_accuracy(FLOOR, "tracking.floor")
     yield from _measure_accuracy(SEALED_FLOOR, "tracking.floor_sealed")
     yield from _measure_accuracy(SEALED_DECEMBER, "tracking.december_sealed")
+    yield from _measure_accuracy(SEALED_CONFIDENCE, "tracking.confidence_sealed")
     yield from _measure_floor(SEALED, "tracking.sealed")
     yield from _measure_real()
     yield from _measure_memory()

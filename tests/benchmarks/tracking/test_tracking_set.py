@@ -11,7 +11,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 import tracking_cache
 import tracking_scene
-from tracking_kept import OPENED, SEALED, SEALED_DECEMBER, SEALED_FLOOR, SEALED_TURNS
+from tracking_kept import OPENED, SEALED, SEALED_CONFIDENCE, SEALED_DECEMBER, SEALED_FLOOR, SEALED_TURNS
 from tracking_scene import Sequence
 from tracking_seated import SittingDown, lowest_point
 from tracking_set import CLOSE, FLOOR, HELD_OUT, TUNING, TURNS, sequences
@@ -40,6 +40,9 @@ from enliven_synthesis.sensor.profile import load_profile
         (TURNS, SEALED_DECEMBER),
         (FLOOR, SEALED_DECEMBER),
         (SEALED_FLOOR, SEALED_DECEMBER),
+        (TURNS, SEALED_CONFIDENCE),
+        (FLOOR, SEALED_CONFIDENCE),
+        (SEALED_DECEMBER, SEALED_CONFIDENCE),
     ],
 )
 def test_names_are_unique_and_splits_share_no_scene(seen: str, kept: str) -> None:

@@ -33,6 +33,11 @@ SEALED_DECEMBER = "turns and floor work, sealed in December"
 
 It was measured once, on December 1, 2026, after mechanisms of the tracker had been removed.
 """
+SEALED_CONFIDENCE = "turns and floor work, sealed until the confidence was fitted"
+"""Like :data:`SEALED_FLOOR`, with other seeds, builds and yaws.
+
+It was measured once, on December 1, 2026, after the confidence had been fitted again.
+"""
 _CLOSE: tuple[tuple[str, float], ...] = (
     ("clap", 0.1), ("book", -0.25), ("watch", 0.3), ("hug", 0.0), ("guitar", 0.2), ("telephone", -0.4),
     ("folded", 0.3), ("jog", 0.25), ("guard", -0.2), ("belly", 0.35), ("chin", -0.3), ("lens", 0.2),

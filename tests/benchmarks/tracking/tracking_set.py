@@ -7,7 +7,14 @@ need them are left out; generated motions still cover every kind of difficulty.
 
 from __future__ import annotations
 
-from tracking_kept import OPENED, SEALED_DECEMBER, SEALED_FLOOR, SEALED_TURNS, kept_sequences
+from tracking_kept import (
+    OPENED,
+    SEALED_CONFIDENCE,
+    SEALED_DECEMBER,
+    SEALED_FLOOR,
+    SEALED_TURNS,
+    kept_sequences,
+)
 from tracking_motions import NAMES as TURN_NAMES
 from tracking_scene import BACK, HOME, SIDE, Move, Person, Sequence, alone, exercise_move
 
@@ -330,11 +337,18 @@ _DECEMBER_BUILDS = (
     Proportions(1.76, 0.90, arms=1.03),
 )
 """Builds of the sealed turns and floor work of December, which no other set uses."""
+_CONFIDENCE_BUILDS = (
+    Proportions(1.81, 1.07, hips=0.98),
+    Proportions(1.64, 1.03, legs=0.98, arms=1.02),
+    Proportions(1.71, 0.93, shoulders=1.05),
+    Proportions(1.58, 0.99, arms=0.99),
+)
+"""Builds of the films that were sealed until the confidence was fitted, which no other set uses."""
 _SEATED = "seated"
 
 
 def floor_work() -> list[Sequence]:
-    """Returns sitting on the floor for tuning, and two sealed sets of all turns and floor work, with two and
+    """Returns sitting on the floor for tuning, and three sealed sets of all turns and floor work, with two or
     three films per kind."""
     kinds = [_SEATED if name == "sitting" else name for name in TURN_NAMES]
     out = []
@@ -342,6 +356,7 @@ def floor_work() -> list[Sequence]:
         (FLOOR, "f", (STOUT, AVERAGE, TALL, SMALL), 600, [_SEATED] * 4),
         (SEALED_FLOOR, "z", _FLOOR_BUILDS, 12300, kinds * 2),
         (SEALED_DECEMBER, "q", _DECEMBER_BUILDS, 17500, kinds * 3),
+        (SEALED_CONFIDENCE, "r", _CONFIDENCE_BUILDS, 23100, kinds * 3),
     ):
         for n, name in enumerate(names):
             move = Move(_SEATED if name == _SEATED else "turns", name, first + n)
