@@ -24,8 +24,8 @@ from pathlib import Path
 
 from unfinished_tests import CACHE_KEY
 
-PARALLEL = ("-n", "4", "--dist", "loadfile", "--no-loadscope-reorder", "--durations=50", "--assert=plain")
-"""Options for four processes on two cores. Tests of cameras and of processes mostly wait, so more processes
+PARALLEL = ("-n", "3", "--dist", "loadfile", "--no-loadscope-reorder", "--durations=50", "--assert=plain")
+"""Options for three processes on two cores. Tests of cameras and of processes mostly wait, so more processes
 than cores are useful."""
 HANG_S = 720
 """Seconds after which a test counts as endless.
