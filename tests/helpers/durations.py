@@ -5,8 +5,8 @@ from pathlib import Path
 
 TESTS = Path(__file__).parents[1]
 TABLE = TESTS / "durations.txt"
-"""Durations in seconds of the longest test files, measured in a complete run with three processes. Longest
-first.
+"""Durations in seconds of the longest test files, measured in a complete run. The longest
+are first.
 """
 MIN_RECORDED_S = 5.0
 """Shortest duration in the table, seconds. The order of shorter files changes the end of a run by less than
