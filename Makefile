@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint fuzz-quick fuzz soak bench nightly films possess-films scan-films session-films example-films setup setup-dev docs examples record-references clean test-slow test-long test-more test-matrix test-bare release test-arm test-devices panel audit test-web
+.PHONY: help run test types fast-tests lint fuzz-quick fuzz soak bench nightly films possess-films scan-films session-films example-films setup setup-dev docs examples record-references clean test-slow test-long test-more test-matrix test-bare release test-arm test-devices panel audit test-web
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -7,13 +7,18 @@ help:            ## what can be made
 run: setup       ## watch a chair move with a recorded person (a window, or a film where there is no display)
 	@.venv/bin/enliven run $(ARGS)
 
-# Types first: they take half a minute and the tests many.
 PYTEST = .venv/bin/python scripts/run_tests.py
 
 test: setup-dev  ## linters, types, the fast tests, and one run of the main job
 	@.venv/bin/ruff check .
 	@.venv/bin/ruff format --check .
+	@$(MAKE) -s -j2 types fast-tests
+
+# The types are checked while the tests start.
+types:
 	@.venv/bin/pyrefly check --summary=none
+
+fast-tests:
 	@$(PYTEST) -m "not slow" $(ARGS)
 
 test-slow: setup-dev ## all other tests: real recordings, real windows and whole programs (CI runs them after make test)

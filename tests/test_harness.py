@@ -68,6 +68,7 @@ def test_a_shuffled_order_has_every_test_once_and_keeps_files_together():
     assert len([1 for a, b in itertools.pairwise(files) if a != b]) == 2
 
 
+@pytest.mark.slow
 def test_the_longest_files_run_first():
     table = recorded_durations()
     assert len(table) > 50 and list(table.values()) == sorted(table.values(), reverse=True)

@@ -194,6 +194,7 @@ def test_pings_among_a_flood_that_is_reset_do_not_end_the_edge(
     edge.goes_on()
 
 
+@pytest.mark.slow
 def test_long_subscriptions_take_no_memory_and_stop_no_stream(edge: RunningEdge) -> None:
     rude = connected(edge.pose_port, "SUB")
     noise = os.urandom(2000 * 4000)

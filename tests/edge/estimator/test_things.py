@@ -148,6 +148,7 @@ def test_clutter_lessons_have_no_person_labels(lessons):
         assert lesson.image[0].any() and np.isfinite(lesson.image).all() and lesson.cell > 0
 
 
+@pytest.mark.slow
 def test_person_lessons_have_joint_labels(lessons):
     for lesson in lessons:
         if np.isfinite(lesson.facing):

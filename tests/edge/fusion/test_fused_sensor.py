@@ -88,6 +88,7 @@ def watched(reels, space=SPACE):
     return frames, sensor
 
 
+@pytest.mark.slow
 def test_recordings_run_side_by_side_whatever_their_threads_do():
     """The result equals the same streams merged without threads, frame by frame and bit by bit."""
     streams = seen()

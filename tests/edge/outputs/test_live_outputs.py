@@ -91,6 +91,7 @@ def test_many_outputs_get_the_same_frames():
             receiver.__exit__()
 
 
+@pytest.mark.slow
 def test_holds_become_events():
     with (
         OscReceiver() as receiver,

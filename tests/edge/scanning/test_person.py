@@ -94,6 +94,7 @@ def test_still_person_with_hidden_feet_reaches_the_floor(half):
     assert np.ptp(mesh.vertices[:, 1]) == pytest.approx(1.7, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("one_side", [False, True], ids=["turned", "half"])
 def test_the_mesh_is_possessed_at_once_by_the_bones_of_the_scan(scanned, half, one_side):
     person = (half if one_side else scanned[0]).finish_person()
@@ -121,6 +122,7 @@ def test_the_mesh_is_possessed_at_once_by_the_bones_of_the_scan(scanned, half, o
     assert lifted[0] > 0.3 and abs(lifted[1]) < 0.1, "the mesh raises its left hand as they do"
 
 
+@pytest.mark.slow
 def test_partial_scan_of_a_person_keeps_its_size(scanned):
     person = scanned[0].finish_person()
     high = person.mesh.vertices[person.mesh.faces, 1].min(1) > 0.8
@@ -134,6 +136,7 @@ def test_partial_scan_of_a_person_keeps_its_size(scanned):
     assert actor.place[0] == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_unseen_joints_are_completed_from_a_standing_person(scanned):
     person = scanned[0].finish_person()
     assert np.isfinite(person.joints[Joint.KNEE_LEFT]).all()

@@ -142,6 +142,7 @@ def test_a_full_memory_ends_the_scan_and_all_until_then_is_kept(carried, tmp_pat
     assert len(load_mesh(target).mesh.faces) > 10_000
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows sends Ctrl-C to whole groups of processes")
 def test_ctrl_c_saves_the_scan(carried, tmp_path, monkeypatch):
     add = ScanLog.add

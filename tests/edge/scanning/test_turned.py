@@ -74,6 +74,7 @@ def test_object_turning_before_a_wall_is_scanned_from_all_sides(frames):
     assert error.mean() < 0.004 and np.quantile(error, 0.95) < 0.012
 
 
+@pytest.mark.slow
 def test_within_option_cuts_off_the_background(frames, tmp_path):
     app, target = typer.Typer(pretty_exceptions_enable=False), tmp_path / "thing.glb"
     app.command()(scan)

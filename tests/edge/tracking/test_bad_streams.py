@@ -107,6 +107,7 @@ def test_frozen_sensor_is_reported_and_its_last_image_is_harmless(frames, good):
     assert [person.id for person in tracker.performers] == [1], "it is the same person, and no other is left"
 
 
+@pytest.mark.slow
 def test_stopped_clock_is_reported_and_no_frame_is_tracked_twice(frames):
     stuck = frames[GOOD - 1][0].time_ns
     reported, errors, _ = run(faulty(frames, lambda i, frame: [dataclasses.replace(frame, time_ns=stuck)]))

@@ -147,6 +147,7 @@ print(inner._cache._file_stem, kernel._cache._file_stem)
 """
 
 
+@pytest.mark.slow
 def test_names_of_kernels_do_not_depend_on_the_order_of_sets(tmp_path):
     """Each process iterates over sets in its own order. Cached files whose names depended on it would never
     be found.

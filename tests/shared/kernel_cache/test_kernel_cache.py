@@ -203,6 +203,7 @@ def test_files_that_no_start_asked_for_in_months_are_deleted(tmp_path, monkeypat
     assert sorted(path.name for path in tmp_path.iterdir()) == ["new.kernel", "used.kernel"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs limits of POSIX")
 def test_a_full_disk_and_folders_that_cannot_be_written_cost_a_compilation(checkout):
     write_checkout(checkout, limit=LIMIT)

@@ -195,6 +195,7 @@ def test_files_of_the_wrong_kind_are_refused(files, capsys):
     assert ".fbx cannot be written. Known suffixes: .bvh, .csv, .glb" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_exceeded_joint_limits_are_reported_and_can_be_disabled(files, capsys):
     """A slightly grazing horse is not bent as far as a tumbling man. The option --no-limits bends it that
     far.

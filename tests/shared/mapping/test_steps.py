@@ -196,6 +196,7 @@ def gesture(random, reach=1.2):
     return replace(clip, turns=turns, root=np.repeat(clip.root[:1], FRAMES, axis=0))
 
 
+@pytest.mark.slow
 @settings(max_examples=6, deadline=None, phases=[Phase.explicit, Phase.generate])
 @given(seed=st.integers(0, 10_000), model=st.sampled_from(["horse", "spider", "crawler"]))
 @example(seed=236, model="crawler")  # the arms push a knee below the floor, not the foot

@@ -57,6 +57,7 @@ def test_warm_up_compiles_all_kernels(nodes):
     assert kernels_of(nodes, warm=True) == set()
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(700)
 def test_first_frames_without_warm_up_load_kernels():
     assert {"next_frame", "refactorize_matrix"} <= kernels_of(40, warm=False)

@@ -73,6 +73,7 @@ def test_a_rig_with_an_actor_is_performed_recorded_edited_and_exported(sitting, 
     assert scene.clips and scene.clips[0].duration == pytest.approx(end, abs=0.1)
 
 
+@pytest.mark.slow
 def test_without_an_actor_performers_hold_its_surface(sitting, monkeypatch) -> None:
     monkeypatch.delitem(uploaded_actor.ACTORS, Cage.kind)
     monkeypatch.delitem(cage_actor.RECORDERS, Cage.kind)

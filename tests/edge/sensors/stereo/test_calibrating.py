@@ -219,6 +219,7 @@ def test_exchanged_cameras_are_reported():
     assert not judgement.is_usable and "are swapped" in judgement.advice[0]
 
 
+@pytest.mark.slow
 def test_the_command_writes_what_a_driver_can_use(pairs, tmp_path, capsys):
     folder, (studio, _) = pairs
     path = tmp_path / "stereo.toml"
