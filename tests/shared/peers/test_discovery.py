@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from patience import wait_until
 
 from enliven.commands.doctor import check_announced_edges
+from enliven.doctor import Check
 from enliven.errors import InputError
 from enliven.keys.key_files import KeyStore, PairedEdge
 from enliven.peers.announcement import SERVICE_TYPE, Announcement, pack_announcement, parse_announcement
@@ -105,6 +106,21 @@ def test_crashed_edge_is_listed_as_silent(browser: EdgeBrowser, request: pytest.
         assert named(browser, name)[0].problem == "does not answer"
 
 
+def find_checks(name: str) -> dict[str, Check]:
+    """Returns the checks of all announced edges, as soon as they include an edge.
+
+    On a busy machine, an answer may take longer than a search.
+    """
+    checks: dict[str, Check] = {}
+
+    def has_answered() -> bool:
+        checks.update((check.name, check) for check in check_announced_edges(1.5, LOOPBACK))
+        return name in checks
+
+    wait_until(has_answered, "an answer")
+    return checks
+
+
 @SLOW
 def test_pairing_is_shown(
     listening: int, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -113,10 +129,10 @@ def test_pairing_is_shown(
     name = unique(request)
     with Announcer(Announcement(name, listening, 6001, has_keys=True), "127.0.0.1") as announcer:
         wait_until(lambda: announcer.name, "its registration")
-        checks = {check.name: check for check in check_announced_edges(1.5, LOOPBACK)}
+        checks = find_checks(name)
         assert not checks[name].ok and f"enliven pair 127.0.0.1:{listening}:6001 CODE" in checks[name].remedy
         KeyStore().add_edge(PairedEdge(bytes(32), name, "127.0.0.1", 6001, "watch"))
-        checks = {check.name: check for check in check_announced_edges(1.5, LOOPBACK)}
+        checks = find_checks(name)
         assert checks[name].ok and "paired" in checks[name].detail
 
 
