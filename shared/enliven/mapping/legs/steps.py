@@ -85,8 +85,7 @@ def apply_steps(project: Project, shape_id: str, clip: Clip, rebased_clip: Clip,
     # Forelegs that arms drive do not carry the body. Without other legs, nothing determines its height.
     feet = [(step, targets) for step, _, targets in stepping if step.arm is None]
     steps_carry = bool(feet) and not posed_steps
-    feet += [(step, joints[:, step.leg[-1]].copy()) for step in posed_steps]
-    trunk = _raise_trunk(shape, clip, steps, feet, performer, times, turns, joints) if feet else []
+    trunk = _raise_trunk(shape, clip, steps, feet, performer, times, turns, joints) if steps_carry else []
     for step, heading, targets in stepping:
         bend_leg(shape.skeleton, step, performer, targets, turns, joints, heading if is_planted else None)
     if is_planted and steps_carry:
